@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hardware.families.models import TRAITS
+from hardware.families.table import ControlTable
 from hardware.rig.rig_file import RigConfig
 from hardware.rig.rig_joint import RigJoint
 
@@ -70,11 +71,14 @@ def _with_sign(counts: NDArray[Any], sign: NDArray[np.int64]) -> Array:
     return np.where(counts & sign, -size, size)
 
 
+def force_of(table: ControlTable) -> str:
+    """The register with a servo's current, or with its load where it measures none."""
+    return "present_current" if "present_current" in table.registers else "present_load"
+
+
 def _signs(joint: RigJoint) -> list[int]:
     """The bits that are the sign of velocity, force and position."""
-    registers = joint.table.registers
-    force = "present_current" if "present_current" in registers else "present_load"
-    bits = [registers[name].sign_bit for name in ("present_velocity", force, "present_position")]
+    bits = [joint.table[name].sign_bit for name in ("present_velocity", force_of(joint.table), "present_position")]
     return [1 << bit if bit else 0 for bit in bits]
 
 

@@ -20,6 +20,7 @@ from hardware.families.table import ControlTable
 from hardware.rig.registers import read_register
 from hardware.rig.rig_file import RigConfig
 from hardware.rig.rig_joint import RigJoint
+from hardware.rig.scale import force_of
 
 FIELDS = ("force", "present_velocity", "present_position", "hardware_error_status", "present_temperature",
           "torque_enable", "present_input_voltage", "torque_limit")  # fmt: skip
@@ -83,8 +84,7 @@ def _fields(table: ControlTable) -> tuple[str, ...]:
 
 
 def _rows(table: ControlTable) -> list[Register]:
-    force = "present_current" if "present_current" in table.registers else "present_load"
-    return [table[force if name == "force" else name] for name in _fields(table)]
+    return [table[force_of(table) if name == "force" else name] for name in _fields(table)]
 
 
 def _in_place(rows: list[Register], names: tuple[str, ...]) -> StateBlock:

@@ -9,11 +9,12 @@ from numpy.typing import NDArray
 
 from hardware.bus.servo_bus import Bus
 from hardware.errors import NoReplyError, RigError, SerialPortError, ServoError
+from hardware.families.models import TRAITS
 from hardware.families.register import decode_block
 from hardware.rig.registers import list_joints, read_each, read_register, sync_write_all, write_each
 from hardware.rig.rig_file import RigConfig
 from hardware.rig.rig_joint import NEAR, RigJoint
-from hardware.rig.scale import Array, RigScale
+from hardware.rig.scale import Array, RigScale, force_of
 from hardware.rig.switching.audit import audit, driving_settings, in_counts, settle
 from hardware.rig.switching.identities import (
     check_identities,
@@ -30,6 +31,7 @@ APART = 0.1
 """rad by which two servos of one joint may disagree: play between them, and zeros that a hand has set."""
 _LAG = 0.15  # s that a joint may be behind its path and still follows it
 _LOOKS, _LOOK = 30, 0.05  # at a partner that comes to rest, and s between two of them
+_OPPOSED = 0.12  # of the stall current, with which two servos of a joint work against each other
 _STANDS, _TURNS = 0.05, 0.2  # rad/s of a path, up to which it stands, and of a shaft
 _UNTIL_TAKEN = 0.02  # s from reading a joint's position to its taking the new goal
 _ROUNDS = 2  # of asking for torque or its end: a servo that has just restarted is deaf for a while
@@ -130,6 +132,8 @@ def resume(
 def _await_partners(config: RigConfig, bus: Bus, believed: Array, lost: list[int], pace: float) -> list[int]:
     """The `lost` servos, and those whose paths have left their partners', all of whose partners stand.
 
+    Where no paths are shown, two that work against each other have parted.
+
     Partners that move are held, as all others are, and waited for; RigError if they still move then.
     """
     pairs = np.flatnonzero(np.diff(config.joint_of) == 0).tolist()
@@ -138,15 +142,19 @@ def _await_partners(config: RigConfig, bus: Bus, believed: Array, lost: list[int
     scale = RigScale(config)
     scale.zero[:] = find_zeros(config, bus, believed)
     velocity, angles, path_velocity, path = _read_path(config, bus, scale)
+    shown = _show_paths(config).tolist()
     away = np.abs(path - np.atleast_2d(believed)[-1]).tolist()
     kept = set(range(len(path))) - set(lost)
     partners: list[int] = []
     for one in pairs:
         pair = {one, one + 1}
-        if pair <= kept and abs(path[one] - path[one + 1]) > APART:
-            # Also the other, if it is held off its path: alone it would leap back to it.
+        fight = pair <= kept and not shown[one] and _oppose(config.only(sorted(pair)), bus)
+        if fight or (pair <= kept and abs(path[one] - path[one + 1]) > APART):
+            # Also the other, if it is held off its path: alone it would leap back to it. So does each that fights, but
+            # where a model shows no path, its goal says nothing of that.
             first = max(pair, key=away.__getitem__)
-            astray = [index for index in sorted(pair) if index == first or abs(path[index] - angles[index]) > APART]
+            off = [fight or index == first or abs(path[index] - angles[index]) > APART for index in sorted(pair)]
+            astray = [index for index, is_off in zip(sorted(pair), off, strict=True) if is_off]
             write_each(config.only(astray), bus, "torque_enable", [0] * len(astray))
             kept -= set(astray)
         if len(own := pair & kept) == 1:
@@ -162,6 +170,15 @@ def _await_partners(config: RigConfig, bus: Bus, believed: Array, lost: list[int
     else:
         raise RigError(f"{list_joints(config.only(partners).joints)} still moves. Try again.")
     return sorted(set(range(len(path))) - kept)
+
+
+def _oppose(pair: RigConfig, bus: Bus) -> bool:
+    """Whether the two servos of a joint work against each other, by their currents."""
+    counts = np.array([read_register(joint, bus, force_of(joint.table)) for joint in pair.joints])
+    currents = counts * RigScale(pair).amperes
+    return bool(
+        currents.prod() < 0.0 and np.abs(currents).min() > _OPPOSED * TRAITS[pair.joints[0].model].stall_current
+    )
 
 
 def switch_off(config: RigConfig, bus: Bus) -> list[str]:

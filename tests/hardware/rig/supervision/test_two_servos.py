@@ -28,11 +28,13 @@ STALL = 4.4  # A, of an XM540-W270
 class Arm:
     """A shoulder with two XM540, mounted against each other, and an elbow with one servo."""
 
+    model = "XM540-W270"
+
     def __init__(self, *faults, beside=None, zero=2048, on_exit="off", on_loss="stop", mirrored=-1, **keys):
         limits = {"lower": -1.8, "upper": 1.8, "velocity": 2.0} | keys
         second = SecondServo(3, mirrored, 1900)
-        shoulder = RigJoint("shoulder", 2, "XM540-W270", 1, 2048, **limits, second=second)
-        elbow = RigJoint("elbow", 4, "XM540-W270", 1, 2048, -1.8, 1.8, 2.0)
+        shoulder = RigJoint("shoulder", 2, self.model, 1, 2048, **limits, second=second)
+        elbow = RigJoint("elbow", 4, self.model, 1, 2048, -1.8, 1.8, 2.0)
         self.config = RigConfig("emulated", 1_000_000, 100.0, (elbow, shoulder), on_exit=on_exit, on_loss=on_loss)
         self.port = EmulatedPort(EmulatedBus(self.config), True, FaultPlan([parse_fault(fault) for fault in faults]))
         self.elbow, self.first, self.second = self.port.bus.devices
@@ -164,6 +166,21 @@ def test_one_that_went_after_goals_of_another_joint_comes_back_to_its_partner(id
     arm = Arm(f"duplicate:id={id},at=2.0,for=0.6,value=4", current=1.5, acceleration=4.0).open()
     arm.play(target, 2.85)
     assert longest_fight(arm.play(target, 3.0)) < 0.2
+    assert arm.torques == [1, 1]
+
+
+class FeetechArm(Arm):
+    """The same with servos that show no path."""
+
+    model = "STS3215"
+
+
+@pytest.mark.parametrize(("id", "target"), [(2, -0.9), (3, 0.9)])
+def test_so_does_one_that_shows_no_path(id, target):
+    """They fought until one had shut down for overload."""
+    arm = FeetechArm(f"duplicate:id={id},at=2.0,for=0.6,value=4", acceleration=4.0).open()
+    arm.play(target, 2.6)
+    assert longest_fight(arm.play(target, 3.0)) < 0.3
     assert arm.torques == [1, 1]
 
 
