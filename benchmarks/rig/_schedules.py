@@ -28,6 +28,7 @@ _ENDS = ("close", "hold", "kill", "lasting", "lasting")
 QUIET = 4.0  # s without faults before the end, in which every joint must come to follow
 _ACCELERATES = 0.5  # part of its acceleration limit that a joint's sine needs
 _ALERT = 32.0
+_LONG = 0.3  # s to brake
 _GRIPPED = 0.4  # rad from what a gripper holds to its target
 
 
@@ -96,11 +97,28 @@ def kinds_of(plan: Schedule) -> list[str]:
     return [kind for kind, joints in _by_kind(plan).items() if joints]
 
 
-def strikes(plan: Schedule, fault: str, kind: str) -> bool:
-    """Whether a schedule has such a fault about joints of such a kind; "" is for any of them."""
-    joints = _by_kind(plan)[kind] if kind else plan.config.joints
-    ids = {None, *(servo.id for joint in joints for servo in joint.servos)}
-    return bool(joints) and any(fault in ("", one.kind) and one.id in ids for one in plan.faults)
+def strikes(plan: Schedule, fault: str, kind: str, moving: bool = False) -> bool:
+    """Whether a schedule has such a fault about joints of such a kind; "" is for any of them.
+
+    A `moving` joint is one whose target then goes so fast that the joint needs a while to brake.
+    """
+    joints = _by_kind(plan)[kind] if kind else list(plan.config.joints)
+    of = {servo.id: joint for joint in joints for servo in joint.servos}
+    return bool(joints) and any(
+        fault in ("", one.kind)
+        and (one.id is None or one.id in of)
+        and not (moving and (one.id is None or _brakes_for(plan, of[one.id], one.at) < _LONG))
+        for one in plan.faults
+    )
+
+
+def _brakes_for(plan: Schedule, joint: RigJoint, at: float) -> float:
+    """How long a joint that has followed its target until then needs to brake, s."""
+    before, now = (
+        np.clip(plan.targets(time)[plan.config.names.index(joint.joint_name)], joint.lower, joint.upper)
+        for time in (at - 0.01, at)
+    )
+    return min(abs(now - before) / 0.01, joint.velocity) / (joint.acceleration or np.inf)
 
 
 def _by_kind(plan: Schedule) -> dict[str, list[RigJoint]]:
@@ -112,6 +130,9 @@ def _by_kind(plan: Schedule) -> dict[str, list[RigJoint]]:
         ),
         "a limit of acceleration, and no path shown": lambda joint, _: (
             joint.acceleration > 0.0 and "position_trajectory" not in joint.table.registers
+        ),
+        "two servos without a path": lambda joint, _: (
+            joint.second is not None and "position_trajectory" not in joint.table.registers
         ),
         "several turns": lambda joint, _: joint.several_turns,
         "a gripper": lambda joint, _: joint.grip,

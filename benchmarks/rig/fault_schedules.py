@@ -315,6 +315,9 @@ def _run_mutants(first: int, number: int) -> int:
         seeds = list(islice((seed for seed in counted(first) if strikes(schedule(seed), *mutant.about)), number))
         with mutated(mutant):
             found = [seed for seed in seeds if _went_wrong(seed)]
+        if found and mutant.cure:
+            with mutated(MUTANTS[mutant.cure]):
+                found = [seed for seed in found if not _went_wrong(seed)]
         unnoticed += not found
         print(f"{name:<22} {len(found):>2} of {len(seeds)}: {', '.join(map(str, found))}", flush=True)
     return unnoticed

@@ -18,7 +18,7 @@ from hardware.rig.supervision.rig import Rig
 from hardware.rig.switching.audit import _needs, current_counts
 from hardware.rig.switching.identities import check_identities
 from hardware.rig.switching.torque import _await_partners, _limit_speed, hold_still, places_of_rest, speed_counts
-from hardware.rig.switching.turns import _whole_turns
+from hardware.rig.switching.turns import _whole_turns, way
 
 
 class Mutant(NamedTuple):
@@ -27,7 +27,8 @@ class Mutant(NamedTuple):
     function: Callable[..., object]
     text: str
     instead: str
-    about: tuple[str, str] = ("", "")  # as in `strikes`
+    about: tuple[str, str] | tuple[str, str, bool] = ("", "")  # as in `strikes`
+    cure: str = ""  # the mutant that takes away what else would mend it in time; on its own it is no find
 
 
 def _getter(kind: type, name: str) -> Callable[..., object]:
@@ -87,7 +88,13 @@ MUTANTS = {
         Rig.write, "np.where(self._joined.waits, stay, targets)", "targets", ("duplicate", _PAIR)
     ),
     "caught up while it waits": Mutant(JointPace.sent, " | held", "", ("swap", _PAIR)),
-    "torque beside a moving partner": Mutant(_await_partners, "partners += own", "pass", ("reboot", _PAIR)),
+    "torque beside a moving partner": Mutant(
+        _await_partners, "partners += own", "pass", ("reboot", _PAIR, True), "paths that part"
+    ),
+    "one of two fights without a path": Mutant(
+        _await_partners, "pair <= kept and not shown[one] and", "False and", ("duplicate", "two servos without a path")
+    ),
+    "turn by the goal alone": Mutant(way, "0.5 * (ends[0] + ends[-1])", "ends[-1]", ("brownout", "several turns")),
     "path of one of two astray": Mutant(_await_partners, "> APART:", "> 9.0:", ("duplicate", _PAIR)),
     "one of two leaps back": Mutant(_await_partners, "> APART]", "> 9.0]", ("duplicate", _PAIR)),
     "goals run away from a silent joint": Mutant(
@@ -109,11 +116,15 @@ MUTANTS = {
 
 @contextmanager
 def mutated(mutant: Mutant) -> Iterator[None]:
-    """Breaks the function in place for the length of the block, wherever it has been imported.
+    """Breaks the function in place for the length of the block, wherever it has been imported, and its cure's.
 
     Raises:
         ValueError: if its source no longer has the text.
     """
+    if mutant.cure:
+        with mutated(MUTANTS[mutant.cure]), mutated(mutant._replace(cure="")):
+            yield
+        return
     function = cast(FunctionType, mutant.function)
     source = textwrap.dedent(inspect.getsource(function))
     if mutant.text not in source:

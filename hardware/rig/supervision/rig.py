@@ -124,7 +124,7 @@ class Rig:
             port.left_out, port.goals = self._health.lost, self.goals
             if port.part.through_turns and port.turns is not None:
                 report = partial(self._note_port, port)
-                self.turn_keepers.append(TurnKeeper(port, port.turns, self._scale, by_servo.positions, of, report))
+                self.turn_keepers.append(TurnKeeper(port, port.turns, self._scale, by_servo, of, report))
             self._recoveries.append(PortRecovery(port, self._health, partial(open_bus, port.part), beside, sleep))
         self._keeping = KeeperThread(self.turn_keepers if beside else [])
 

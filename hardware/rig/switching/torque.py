@@ -150,8 +150,8 @@ def _await_partners(config: RigConfig, bus: Bus, believed: Array, lost: list[int
         pair = {one, one + 1}
         fight = pair <= kept and not shown[one] and _oppose(config.only(sorted(pair)), bus)
         if fight or (pair <= kept and abs(path[one] - path[one + 1]) > APART):
-            # Also the other, if it is held off its path: alone it would leap back to it. So does each that fights, but
-            # where a model shows no path, its goal says nothing of that.
+            # Also the other, if it is held off its path: alone it would leap back to it. Where no path is shown, both:
+            # either may be.
             first = max(pair, key=away.__getitem__)
             off = [fight or index == first or abs(path[index] - angles[index]) > APART for index in sorted(pair)]
             astray = [index for index, is_off in zip(sorted(pair), off, strict=True) if is_off]

@@ -340,6 +340,24 @@ def test_one_that_restarts_at_any_moment_of_being_held_is_held_in_its_turn_or_no
     assert np.abs(found - waist.angle).max(initial=0.0) < 0.05
 
 
+@pytest.mark.parametrize("target", [1.6, -1.6])
+def test_one_that_restarts_in_the_last_tick_is_not_kept_in_another_turn(tmp_path, target):
+    """A P servo keeps its indirect cells, so the new count was read, and kept as if it stood a turn farther on."""
+    waist = Waist(tmp_path, "PH54-200-S500")
+    store_turns(waist.config, waist.bus, waist.file)
+    rig = waist.open()
+    waist.play(target, 3.0)
+    waist.cut_power()
+    (port,) = rig._all_ports()
+    for _ in range(3):
+        port.request_state()
+        waist.port.elapse(0.01)
+        port.collect_state(waist.port.now())
+    assert abs(rig.positions[0] - target) > HALF
+    rig.close()
+    assert not waist.kept.stands
+
+
 def test_a_joint_that_another_turn_than_its_goal_has_stops_the_rig(waist):
     """Its servo restarts while it is turned by more than a quarter of a turn of its horn."""
     waist.open()
