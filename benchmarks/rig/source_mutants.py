@@ -95,8 +95,8 @@ MUTANTS = {
         _await_partners, "pair <= kept and not shown[one] and", "False and", ("duplicate", "two servos without a path")
     ),
     "turn by the goal alone": Mutant(way, "0.5 * (ends[0] + ends[-1])", "ends[-1]", ("brownout", "several turns")),
-    "path of one of two astray": Mutant(_await_partners, "> APART:", "> 9.0:", ("duplicate", _PAIR)),
-    "one of two leaps back": Mutant(_await_partners, "> APART]", "> 9.0]", ("duplicate", _PAIR)),
+    "path of one of two astray": Mutant(_await_partners, "> APART):", "> 9.0):", ("duplicate", _PAIR)),
+    "one of two leaps back": Mutant(_await_partners, "> APART for", "> 9.0 for", ("duplicate", _PAIR)),
     "goals run away from a silent joint": Mutant(
         Rig.write, "unseen &= self._several", "unseen &= False", ("duplicate", "several turns")
     ),
