@@ -34,10 +34,6 @@ _LOOKS_EVERY = 0.5  # s: how often a process looks whether its parent is still t
 _one_at_a_time = threading.Lock()
 
 
-class ClusterError(MotiondeckError):
-    """A Dask cluster that cannot be used, or a task that it gave up."""
-
-
 @dataclass(frozen=True)
 class Jobs:
     """Where tasks run."""
@@ -62,7 +58,7 @@ EVERY_CORE = Jobs(-1)  # in a process per core of this machine
 def spread(tasks: Iterable[Task], jobs: Jobs, *, ordered: bool = False) -> Iterator[Any]:
     """The results of tasks, each as soon as it is there, or, if `ordered`, in the order of the tasks.
 
-    ClusterError if the cluster cannot be used, or gave a task up; what a task raises is raised too.
+    MotiondeckError if the cluster cannot be used, or gave a task up; what a task raises is raised too.
     """
     if not jobs.cluster:
         watched = (delayed(_watched)(os.getpid(), task) for task in tasks)
@@ -119,7 +115,7 @@ def _on_cluster(tasks: Iterable[Task], address: str) -> Iterator[tuple[int, Any]
             try:
                 result = future.result()
             except KilledWorker as error:
-                raise ClusterError(f"dask://{address} gave a task up: {error}") from None
+                raise MotiondeckError(f"dask://{address} gave a task up: {error}") from None
             yield numbers.pop(future), result
             give()
 
@@ -135,13 +131,13 @@ def _connected(address: str) -> Any:
     try:
         from distributed import Client
     except ImportError:
-        raise ClusterError(
+        raise MotiondeckError(
             'a Dask cluster needs distributed. Install it with: pip install "motiondeck[cluster]"'
         ) from None
     try:
         client: Any = Client(f"tcp://{address}", timeout=_PATIENCE, set_as_default=False)
     except (OSError, ValueError):
-        raise ClusterError(
+        raise MotiondeckError(
             f"dask://{address}: no Dask scheduler answers there. Start one with: "
             "dask scheduler --host 127.0.0.1 --dashboard-address 127.0.0.1:8787"
         ) from None
@@ -149,13 +145,13 @@ def _connected(address: str) -> Any:
         try:
             client.wait_for_workers(1, timeout=_PATIENCE)
         except TimeoutError:
-            raise ClusterError(
+            raise MotiondeckError(
                 f"dask://{address}: the cluster has no worker. Start one with: dask worker {address} --nthreads 1"
             ) from None
         ours = version("motiondeck")
         for worker, theirs in client.run(version, "motiondeck", on_error="return").items():
             if theirs != ours:
-                raise ClusterError(
+                raise MotiondeckError(
                     f"dask://{address}: worker {worker} has motiondeck {theirs}, and {ours} is here. "
                     "Install the same on both"
                 )

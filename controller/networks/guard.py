@@ -14,11 +14,9 @@ guarded run is the plain run, bit by bit.
 A comparison takes one frame and at most MOST_ANCHORS anchors, whatever the length of the motion.
 """
 
-from __future__ import annotations
-
 from copy import copy
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,7 +60,7 @@ class LossWatch:
         self._place = self._distances(self._seen).argmin(1).astype(np.float64)
         self._count = 0
 
-    def copy(self) -> LossWatch:
+    def copy(self) -> Self:
         """An independent watch in the same state."""
         twin = copy(self)
         twin._pace = self._pace.copy()  # the only array that is changed in place

@@ -17,23 +17,19 @@ SIGNATURE_BYTES = 32
 SHORTEST_TOKEN = 16
 
 
-class TokenError(MotiondeckError):
-    """A token file that cannot be used; the message names it and says how to make one."""
-
-
 def read_token(path: Path) -> bytes:
-    """The token in a file, without white space around it; TokenError if it is missing, not private, or too short."""
+    """The token in a file, without white space around it; MotiondeckError if it is missing, public, or too short."""
     how = f"Make one with: (umask 077; openssl rand -hex 32 > {path})"
     try:
         with path.open("rb") as file:
             about = os.fstat(file.fileno())
             token = file.read(4096).strip()
     except OSError as error:
-        raise TokenError(f"{path}: the token cannot be read ({error.strerror or error}). {how}") from None
+        raise MotiondeckError(f"{path}: the token cannot be read ({error.strerror or error}). {how}") from None
     if not stat.S_ISREG(about.st_mode) or about.st_mode & 0o077:
-        raise TokenError(f"{path}: others may read this token. Forbid that with: chmod 600 {path}")
+        raise MotiondeckError(f"{path}: others may read this token. Forbid that with: chmod 600 {path}")
     if len(token) < SHORTEST_TOKEN:
-        raise TokenError(f"{path}: a token has at least {SHORTEST_TOKEN} characters, not {len(token)}. {how}")
+        raise MotiondeckError(f"{path}: a token has at least {SHORTEST_TOKEN} characters, not {len(token)}. {how}")
     return token
 
 

@@ -12,7 +12,6 @@ from controller.wire.local_transport import (
     FULL,
     STOP_DOOR,
     TURNED_AWAY,
-    DeckFullError,
     PeerGoneError,
     SocketError,
     check_port,
@@ -39,7 +38,7 @@ class _Link:
     def send(self, data: bytes, patience: float) -> None:
         """Sends a datagram; it waits for room, as long as its patience lasts, and connects where it is not connected.
 
-        PeerGoneError if nothing listens there. DeckFullError if the deck has no room for another connection.
+        PeerGoneError if nothing listens there. SocketError if the deck has no room for another connection.
         SocketError if it takes nothing.
         """
         until = time.monotonic() + patience
@@ -101,7 +100,7 @@ class _Link:
     def gone(self) -> SocketError:
         """Why there is no connection."""
         if self._full:
-            return DeckFullError(FULL)
+            return SocketError(FULL)
         return PeerGoneError(f"no deck is running on port {self._port}; start one with: motiondeck play")
 
     def close(self) -> None:

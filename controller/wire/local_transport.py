@@ -43,10 +43,6 @@ class PeerGoneError(SocketError):
     """The other side of a connection has ended, or was never there."""
 
 
-class DeckFullError(SocketError):
-    """A deck that has ended the connection, as it has as many as it takes."""
-
-
 def command_folder() -> Path:
     """The folder of the user's own (0700) in which decks have their sockets; it is made where it is missing.
 

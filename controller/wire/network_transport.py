@@ -72,7 +72,6 @@ class NetworkListener:
         self._floor = self._highest = self._sent = 0
         self.port: int = self._socket.getsockname()[1]
         self.replayed = 0  # datagrams, truly signed, that were sent before or to another run; none was carried out
-        self.last_replay = ""  # the address where the latest of these came from
         self.unsigned = 0  # datagrams without a true signature
 
     def receive(self, most_bytes: int, limit: int) -> Iterator[tuple[bytes, RemoteClient]]:
@@ -95,7 +94,6 @@ class NetworkListener:
                     yield body[_COMMAND.size :], RemoteClient(name, address)
                 else:
                     self.replayed += 1
-                    self.last_replay = str(address[0])
                     if name not in self._last:  # it was forgotten, or the deck has started anew
                         self._challenge(name, address)
             else:

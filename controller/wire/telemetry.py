@@ -8,15 +8,13 @@ its values and their checksum, so a reader that was overtaken notices it and rea
     slot: number, values (float64), checksum, number
 """
 
-from __future__ import annotations
-
 import mmap
 import os
 import struct
 import zlib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Self
 
 import msgspec
 import numpy as np
@@ -78,9 +76,7 @@ class StateWriter:
         self.fields = named(self.values, fields)
 
     @classmethod
-    def create(
-        cls, path: Path, description: Mapping[str, Any], fields: Mapping[str, int], slots: int = _SLOTS
-    ) -> StateWriter:
+    def create(cls, path: Path, description: Mapping[str, Any], fields: Mapping[str, int], slots: int = _SLOTS) -> Self:
         """Creates the file, readable by its owner only, in place of an older one; it appears complete or not at all.
 
         It is in a directory of the owner's; the caller removes both at the end. Of the states as many as there are
@@ -132,7 +128,7 @@ class StateReader:
         self._slots = layout.slots_of(memory)
 
     @classmethod
-    def open(cls, path: Path) -> StateReader:
+    def open(cls, path: Path) -> Self:
         """Opens what a StateWriter has made; FileFormatError if the file cannot be opened or is not a state file."""
         try:
             with path.open("rb") as file:

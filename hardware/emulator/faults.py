@@ -34,10 +34,6 @@ KINDS = {
 _KEYS = ("id", "at", "for", "chance", "value")
 
 
-class FaultError(MotiondeckError):
-    """A fault that does not exist, or is described wrongly."""
-
-
 class Fault(NamedTuple):
     """One fault."""
 
@@ -50,10 +46,10 @@ class Fault(NamedTuple):
 
 
 def parse_fault(text: str) -> Fault:
-    """Reads a fault from words as in the module's first lines; a FaultError names what is allowed."""
+    """Reads a fault from words as in the module's first lines; a MotiondeckError names what is allowed."""
     kind, _, rest = text.partition(":")
     if kind not in KINDS:
-        raise FaultError(f"no fault '{kind}'. There are: {', '.join(KINDS)}.")
+        raise MotiondeckError(f"no fault '{kind}'. There are: {', '.join(KINDS)}.")
     values: dict[str, float] = {}
     for pair in filter(None, rest.split(",")):
         key, _, value = pair.partition("=")
@@ -62,11 +58,11 @@ def parse_fault(text: str) -> Fault:
                 raise ValueError
             values[key] = float(value)
         except ValueError:
-            raise FaultError(
+            raise MotiondeckError(
                 f"fault '{text}': '{pair}' is not one of {', '.join(k + '=NUMBER' for k in _KEYS)}."
             ) from None
     if kind in ("jam", "duplicate", "swap", "reboot", "dead", "alert", "overheat") and "id" not in values:
-        raise FaultError(f"fault '{text}' needs the servo it is about: {kind}:id=NUMBER.")
+        raise MotiondeckError(f"fault '{text}' needs the servo it is about: {kind}:id=NUMBER.")
     id = int(values["id"]) if "id" in values else None
     lasts = values.get("for", float("inf"))
     return Fault(kind, id, values.get("at", 0.0), lasts, values.get("chance", 1.0), values.get("value"))
@@ -86,11 +82,11 @@ class FaultPlan:
         self.latency = 0.0  # of the adapter, s
 
     def check(self, ids: Sequence[int]) -> None:
-        """Takes the servos' first IDs, which the faults go by; raises FaultError if a fault is about none of them."""
+        """Takes the servos' first IDs, which the faults go by; MotiondeckError if a fault is about none of them."""
         self._ids = ids
         for fault in self._faults:
             if fault.id is not None and fault.id not in ids:
-                raise FaultError(f"fault {fault.kind}: there is no id {fault.id} on this rig (ids: {list(ids)}).")
+                raise MotiondeckError(f"fault {fault.kind}: there is no id {fault.id} on this rig (ids: {list(ids)}).")
 
     def advance(self, bus: EmulatedBus, now: float) -> None:
         """Begins and ends what is due at the time `now`, s."""

@@ -1,11 +1,10 @@
 """The emulator as a child process."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path
 from types import TracebackType
+from typing import Self
 
 from hardware.errors import SerialPortError
 from hardware.rig.rig_file import load_rig
@@ -23,7 +22,7 @@ class EmulatorProcess:
         """The only one, or the first."""
         return self.ports[0]
 
-    def __enter__(self) -> EmulatorProcess:
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:

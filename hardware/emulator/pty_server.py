@@ -137,7 +137,7 @@ def serve(
 
     Fifty times a second or more `goes_on` is asked, and `between` called with the bus of each port: for what people do
     to the servos. RigError if a model cannot be emulated, or a rig on several ports is to move one plant.
-    SerialPortError if the link cannot be made. FaultError if a fault is about a servo that is not there.
+    SerialPortError if the link cannot be made. MotiondeckError if a fault is about a servo that is not there.
     """
     if plant is not None and len(config.ports) > 1:
         raise RigError(f"a rig on several ports ({', '.join(config.ports)}) cannot be coupled to one body")

@@ -14,10 +14,6 @@ from motiondeck_base.near_names import did_you_mean
 _SIGN_BIT = 10
 
 
-class UnknownRegisterError(MotiondeckError):
-    """A register name that the model does not have."""
-
-
 @dataclass(frozen=True)
 class ControlTable:
     """The registers of a model, by name and by address."""
@@ -29,12 +25,12 @@ class ControlTable:
     series: Series  # what it shares with other models
 
     def __getitem__(self, name: str) -> Register:
-        """The register of this name; an UnknownRegisterError has the nearest names."""
+        """The register of this name; a MotiondeckError has the nearest names."""
         try:
             return self.registers[name]
         except KeyError:
             hint = did_you_mean(name, self.registers) or f" It has: {', '.join(self.registers)}."
-            raise UnknownRegisterError(f"{self.model} has no register '{name}'.{hint}") from None
+            raise MotiondeckError(f"{self.model} has no register '{name}'.{hint}") from None
 
     @property
     def size(self) -> int:

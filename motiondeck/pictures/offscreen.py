@@ -1,14 +1,12 @@
 """Draws models off screen: with EGL where it works, else OSMesa, tuned for software rendering."""
 
-from __future__ import annotations
-
 import copy
 import ctypes
 import ctypes.util
 import os
 import sys
 from collections.abc import Sequence
-from typing import Any, Literal, get_args
+from typing import Any, Literal, Self, get_args
 
 import mujoco
 import numpy as np
@@ -42,15 +40,11 @@ INSTALL = (
 )
 
 
-class PictureError(MotiondeckError):
-    """A picture that cannot be drawn; the message says what is missing."""
-
-
 class OffScreen:
     """Draws one or more robots of one model into images; a context manager, because OpenGL contexts are freed in order.
 
     The size, pixels, is within the model's off-screen buffer (1920 x 1080). Shadows double the cost. The camera "three"
-    divides the image into the views of the other three. PictureError without off-screen OpenGL, or for a wrong size.
+    divides the image into the views of the other three. MotiondeckError without off-screen OpenGL, or for a wrong size.
     """
 
     def __init__(
@@ -63,7 +57,7 @@ class OffScreen:
         width, height = size
         most = (int(model.vis.global_.offwidth), int(model.vis.global_.offheight))
         if not (0 < width <= most[0] and 0 < height <= most[1]):
-            raise PictureError(f"a picture of {width} x {height} pixels: choose 1 x 1 to {most[0]} x {most[1]}")
+            raise MotiondeckError(f"a picture of {width} x {height} pixels: choose 1 x 1 to {most[0]} x {most[1]}")
         self._tall = body_height(model)
         drawn = with_less_detail(model, DETAIL * HIGH * self._tall / height) if model.nmesh else model
         self._gl: Any = _open_context(width, height)
@@ -168,7 +162,7 @@ class OffScreen:
             self._gl.free()
             self._gl = None
 
-    def __enter__(self) -> OffScreen:
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -204,7 +198,7 @@ def _open_context(width: int, height: int) -> Any:
         return GLContext(width, height)
     # Each library fails in its own way when a driver is missing: import, attribute, OS and OpenGL errors were seen.
     except Exception as error:
-        raise PictureError(INSTALL) from error
+        raise MotiondeckError(INSTALL) from error
 
 
 def _egl_device_works() -> bool:

@@ -1,7 +1,5 @@
 """Writes films (mp4, GIF) and contact sheets of MuJoCo models."""
 
-from __future__ import annotations
-
 import errno
 import itertools
 import os
@@ -13,14 +11,15 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import mujoco
 from PIL import Image, ImageDraw, ImageFont
 
 from controller.motion.rotations import Array
-from motiondeck.pictures.offscreen import Camera, OffScreen, PictureError
+from motiondeck.pictures.offscreen import Camera, OffScreen
 from motiondeck.pictures.offscreen import Image as Drawn
+from motiondeck_base.errors import MotiondeckError
 
 GIF_COLOURS = 64
 FRAMES_A_ROW = 8
@@ -72,7 +71,7 @@ class Screens:
         while drawn:
             yield drawn.popleft().result()
 
-    def __enter__(self) -> Screens:
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -92,12 +91,12 @@ def render(
     """Films a robot and returns the number of frames; nothing is left behind if it does not come to its end.
 
     A frame is one qpos (nq,), or more to be drawn. The file is .mp4, of even width and height, or .gif; shadows take
-    about twice as long; `progress` is called with the number of frames done. PictureError for another ending, for no
+    about twice as long; `progress` is called with the number of frames done. MotiondeckError for another ending, for no
     frames, and where OpenGL or ffmpeg is missing.
     """
     writers = {".mp4": _write_mp4, ".gif": _write_gif}
     if path.suffix.lower() not in writers:
-        raise PictureError(f"{path}: a film ends in {' or '.join(writers)}")
+        raise MotiondeckError(f"{path}: a film ends in {' or '.join(writers)}")
     count = 0
 
     def pictures() -> Iterator[bytes]:
@@ -111,7 +110,7 @@ def render(
     with _written_whole(path) as unfinished, Screens(model, size, shadows, camera) as screens:
         writers[path.suffix.lower()](pictures(), unfinished, fps, size)
         if count == 0:
-            raise PictureError(f"{path}: there are no frames to film")
+            raise MotiondeckError(f"{path}: there are no frames to film")
     return count
 
 
@@ -120,12 +119,12 @@ def contact_sheet(
 ) -> None:
     """Draws one row a motion into one picture of a type that pillow writes: a label, and a model at up to 8 qpos (nq,).
 
-    `tile` is width and height of one picture, pixels. PictureError for no rows, other file types, or without OpenGL.
+    `tile` is width and height of one picture, pixels. MotiondeckError for no rows, other file types, or without OpenGL.
     """
     if not rows:
-        raise PictureError(f"{path}: there are no motions to show")
+        raise MotiondeckError(f"{path}: there are no motions to show")
     if path.suffix.lower() not in Image.registered_extensions():
-        raise PictureError(f"{path}: a contact sheet ends in .png, .jpg or .webp")
+        raise MotiondeckError(f"{path}: a contact sheet ends in .png, .jpg or .webp")
     kind = Image.registered_extensions()[path.suffix.lower()]
     width, height = tile
     margin = 120
@@ -153,7 +152,7 @@ def contact_sheet(
 def _written_whole(path: Path) -> Iterator[Path]:
     """A temporary file that becomes the file on success; a killed process leaves nothing."""
     if not path.parent.is_dir():
-        raise PictureError(f"{path}: there is no folder {path.parent}")
+        raise MotiondeckError(f"{path}: there is no folder {path.parent}")
     unfinished = path.with_name(f".{path.stem}.unfinished{path.suffix}")
     try:
         nameless = _nameless(path.parent)
@@ -162,7 +161,7 @@ def _written_whole(path: Path) -> Iterator[Path]:
         if nameless is not None:
             unfinished.unlink()
     except OSError as error:
-        raise PictureError.unwritable(path, error) from error
+        raise MotiondeckError.unwritable(path, error) from error
     try:
         yield unfinished if nameless is None else Path(f"/proc/{os.getpid()}/fd/{nameless}")
         if nameless is not None:
@@ -173,7 +172,7 @@ def _written_whole(path: Path) -> Iterator[Path]:
                 os.close(folder)
         unfinished.replace(path)
     except OSError as error:
-        raise PictureError.unwritable(path, error) from error
+        raise MotiondeckError.unwritable(path, error) from error
     finally:
         unfinished.unlink(missing_ok=True)
         if nameless is not None:
@@ -195,9 +194,9 @@ def _write_mp4(pictures: Iterator[bytes], path: Path, fps: float, size: tuple[in
     try:
         import imageio_ffmpeg
     except ImportError as error:
-        raise PictureError('a film needs ffmpeg: pip install "motiondeck[video]"') from error
+        raise MotiondeckError('a film needs ffmpeg: pip install "motiondeck[video]"') from error
     if size[0] % 2 or size[1] % 2:
-        raise PictureError(f"{path}: an mp4 needs an even width and height, not {size[0]} x {size[1]}")
+        raise MotiondeckError(f"{path}: an mp4 needs an even width and height, not {size[0]} x {size[1]}")
     rate: Any = fps  # ffmpeg takes any number, whatever the annotation says
     writer = imageio_ffmpeg.write_frames(
         str(path),

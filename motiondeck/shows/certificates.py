@@ -1,21 +1,19 @@
 """Certificates of a show: a folder for each member, and one authority, whose key stays in the show's folder."""
 
-from __future__ import annotations
-
 import datetime
 import ipaddress
 import os
 from collections.abc import Mapping
 from itertools import combinations
 from pathlib import Path
-from typing import TYPE_CHECKING
+
+from cryptography import x509
+from cryptography.hazmat.primitives import hashes, serialization
+from cryptography.hazmat.primitives.asymmetric import ec
+from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
 from motiondeck.shows.membership import AUTHORITY, CERTIFICATE, CONDUCTOR, KEY, MEMBER_FILE, check_name, host_and_port
 from motiondeck_base.errors import MotiondeckError
-
-if TYPE_CHECKING:
-    from cryptography import x509
-    from cryptography.hazmat.primitives.asymmetric import ec
 
 YEARS = 5  # how long certificates are valid. They begin a day early, for machines whose clocks are behind.
 
@@ -26,7 +24,7 @@ def make_certificates(folder: Path, show: str, members: Mapping[str, str]) -> li
     """Makes a folder for each member with its address, HOST or HOST:PORT, the conductor too; the folders.
 
     With an authority that is there already, members are added or renewed. MotiondeckError if a name or an address is
-    wrong, there is no conductor, cryptography is not installed, or a file cannot be written.
+    wrong, there is no conductor, or a file cannot be written.
     """
     check_name(show, "show")
     places = {check_name(name, "member of a show"): host_and_port(address) for name, address in members.items()}
@@ -56,10 +54,6 @@ def _make_member(
     members: Mapping[str, str],
     authority: tuple[x509.Certificate, ec.EllipticCurvePrivateKey],
 ) -> Path:
-    from cryptography import x509
-    from cryptography.hazmat.primitives.asymmetric import ec
-    from cryptography.x509.oid import ExtendedKeyUsageOID
-
     key = ec.generate_private_key(ec.SECP256R1())
     certificate = (
         _builder(show, name, key, authority[0].subject)
@@ -72,7 +66,7 @@ def _make_member(
     own = folder / name
     own.mkdir(mode=0o700, exist_ok=True)
     _write(own / AUTHORITY, _pem(authority[0]))
-    _write(own / CERTIFICATE, _pem(_signed(certificate, authority[1])))
+    _write(own / CERTIFICATE, _pem(certificate.sign(authority[1], hashes.SHA256())))
     _write(own / KEY, _pem(key))
     _write(own / MEMBER_FILE, _member_file(show, name, members))
     return own
@@ -85,12 +79,6 @@ def _member_file(show: str, name: str, members: Mapping[str, str]) -> bytes:
 
 
 def _authority(folder: Path, show: str) -> tuple[x509.Certificate, ec.EllipticCurvePrivateKey]:
-    try:
-        from cryptography import x509
-        from cryptography.hazmat.primitives import serialization
-        from cryptography.hazmat.primitives.asymmetric import ec
-    except ImportError:
-        raise MotiondeckError("certificates need cryptography: pip install 'motiondeck[fleet]'") from None
     certificate_file, key_file = folder / AUTHORITY, folder / AUTHORITY_KEY
     if certificate_file.is_file() and key_file.is_file():
         try:
@@ -113,7 +101,7 @@ def _authority(folder: Path, show: str) -> tuple[x509.Certificate, ec.EllipticCu
             critical=True,
         )
     )
-    certificate = _signed(builder, key)
+    certificate = builder.sign(key, hashes.SHA256())
     _write(key_file, _pem(key))
     _write(certificate_file, _pem(certificate))
     return certificate, key
@@ -122,9 +110,6 @@ def _authority(folder: Path, show: str) -> tuple[x509.Certificate, ec.EllipticCu
 def _builder(
     show: str, name: str, key: ec.EllipticCurvePrivateKey, issuer: x509.Name | None
 ) -> x509.CertificateBuilder:
-    from cryptography import x509
-    from cryptography.x509.oid import NameOID
-
     subject = x509.Name(
         [x509.NameAttribute(NameOID.ORGANIZATION_NAME, show), x509.NameAttribute(NameOID.COMMON_NAME, name)]
     )
@@ -140,15 +125,7 @@ def _builder(
     )
 
 
-def _signed(builder: x509.CertificateBuilder, key: ec.EllipticCurvePrivateKey) -> x509.Certificate:
-    from cryptography.hazmat.primitives import hashes
-
-    return builder.sign(key, hashes.SHA256())
-
-
 def _place(host: str) -> x509.GeneralName:
-    from cryptography import x509
-
     try:
         return x509.IPAddress(ipaddress.ip_address(host))
     except ValueError:
@@ -156,9 +133,6 @@ def _place(host: str) -> x509.GeneralName:
 
 
 def _pem(thing: x509.Certificate | ec.EllipticCurvePrivateKey) -> bytes:
-    from cryptography import x509
-    from cryptography.hazmat.primitives import serialization
-
     if isinstance(thing, x509.Certificate):
         return thing.public_bytes(serialization.Encoding.PEM)
     return thing.private_bytes(

@@ -281,8 +281,7 @@ class Member:
     def _publish_health(self, state: State) -> None:
         now, clock, known = self._now(), self._clock, None
         if clock.known and self._asked >= _FIRST and not self._lost:
-            uncertain, shortest = 1e3 * clock.uncertainty(now), 1e3 * clock.shortest
-            known = messages.ClockHealth(uncertain, shortest, 1e6 * clock.drift, clock.offset(now))
+            known = messages.ClockHealth(1e3 * clock.uncertainty(now), 1e6 * clock.drift, clock.offset(now))
         health = messages.DeckHealth(
             run=self._done[0],
             cue=self._done[1],

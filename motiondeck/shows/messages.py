@@ -76,13 +76,12 @@ class TimedCue(msgspec.Struct, frozen=True):
 
 
 class ClockHealth(msgspec.Struct, frozen=True):
-    """How well a deck knows the conductor's time: uncertainty and shortest round trip, ms, and drift, ppm.
+    """How well a deck knows the conductor's time: uncertainty, ms, and drift, ppm.
 
     The conductor's clock is ahead of the deck's by the offset, s; both count from any moment, such as a start.
     """
 
     uncertainty_ms: float
-    round_trip_ms: float
     drift_ppm: float
     offset_s: float = 0.0
 

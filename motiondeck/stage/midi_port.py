@@ -8,7 +8,7 @@ import time
 from collections import deque
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from motiondeck_base.errors import MotiondeckError
 
@@ -22,21 +22,6 @@ _INSTALL = 'Install it with: pip install "motiondeck[stage]"'
 
 class MidiGoneError(MotiondeckError):
     """A MIDI device that was unplugged, or whose other end was closed."""
-
-
-class MidiPort(Protocol):
-    """Where MIDI messages come from."""
-
-    def fileno(self) -> int:
-        """What can be read when messages have come."""
-        ...
-
-    def messages(self, now: float) -> Iterator[tuple[float, mido.Message]]:
-        """The messages that have come, each with its time (s, monotonic); raises a MidiGoneError if it is gone."""
-        ...
-
-    def close(self) -> None:
-        """Lets go of the port; may be called twice."""
 
 
 class RawDevice:
@@ -114,6 +99,9 @@ class SystemPort:
             if end >= 0:
                 os.close(end)
         self._bell = self._ring = -1
+
+
+MidiPort = RawDevice | SystemPort
 
 
 def open_midi_port(name: str) -> MidiPort:

@@ -4,10 +4,8 @@ Eight quarter frames, 0 to 7, carry the time of the frame in which the first of 
 two frames. Once eight have come in order, each further one is a quarter of a frame later.
 """
 
-from __future__ import annotations
-
 import re
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 _TEXT = re.compile(r"(\d\d):(\d\d):(\d\d)[:;](\d\d)")
 _RATES = (24, 25, 30, 30)  # frames a second by number of a rate; 2 is 30 drop-frame (29.97), 3 is 30
@@ -23,7 +21,7 @@ class Timecode(NamedTuple):
     frames: int
 
     @classmethod
-    def parse(cls, text: str) -> Timecode:
+    def parse(cls, text: str) -> Self:
         """The time in "HH:MM:SS:FF"; raises a ValueError where it is none."""
         found = _TEXT.fullmatch(text)
         time = cls(*map(int, found.groups())) if found else None

@@ -1,9 +1,8 @@
 """Coupled joints: followers and leaders by equality constraints of a model."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Self
 
 import mujoco
 import numpy as np
@@ -21,7 +20,7 @@ class LedJoints:
     curve: Array  # the coefficients of the followers' positions as polynomials of their leaders', shape (F, 5)
 
     @classmethod
-    def of(cls, led: Mapping[int, tuple[int, Array]]) -> LedJoints:
+    def of(cls, led: Mapping[int, tuple[int, Array]]) -> Self:
         """The followers of a mapping to their leaders and polynomials."""
         leaders = np.array([leader for leader, _ in led.values()], np.int64)
         return cls(np.array([*led], np.int64), leaders, np.array([curve for _, curve in led.values()]).reshape(-1, 5))

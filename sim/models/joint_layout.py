@@ -4,9 +4,8 @@ A robot's joints are those its actuators drive, in the actuators' order. A hinge
 joint has three, the components of its rotation vector, driven by three actuators in a row.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
+from typing import Self
 
 import mujoco
 import numpy as np
@@ -35,7 +34,7 @@ class JointLayout:
     leaders: tuple[NDArray[np.int64], ...] = ()  # likewise
 
     @classmethod
-    def of(cls, model: mujoco.MjModel) -> JointLayout:
+    def of(cls, model: mujoco.MjModel) -> Self:
         """Reads the layout of a model.
 
         FileFormatError if the first joint is not a free one, an actuator drives no joint or a sliding one, or a ball

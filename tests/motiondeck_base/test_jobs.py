@@ -19,7 +19,7 @@ from controller.library.motion_library import save_library
 from controller.motion.clip import Clip
 from controller.motion.formats.writing import bvh_text, write_clip
 from motiondeck_base.errors import MotiondeckError
-from motiondeck_base.jobs import ALONE, ClusterError, Jobs, spread
+from motiondeck_base.jobs import ALONE, Jobs, spread
 from sim.robots.retarget_files import MANIFEST, retarget_files
 from simulated_bodies import bent_pose, human
 from small_robots import calibrated, humanoid
@@ -77,7 +77,7 @@ def test_a_lost_worker_costs_only_its_task(jobs, tmp_path):
 @pytest.mark.thorough
 def test_a_task_that_kills_its_workers_is_given_up(cluster, jobs, monkeypatch):
     monkeypatch.setattr(cluster.scheduler, "allowed_failures", 0)
-    with pytest.raises(ClusterError, match="gave a task up"):
+    with pytest.raises(MotiondeckError, match="gave a task up"):
         list(spread([delayed(dies)(0)], jobs))
 
 

@@ -11,10 +11,8 @@ in flight changes the energy too, and the frequency would stay wrong for ever; t
 back to the orbit that belongs to z.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,7 +49,7 @@ class HarmonicCenters:
     state: NDArray[np.complex128]
 
     @classmethod
-    def at_phase(cls, frequency: Array | float, phase: Array | float = 0.0) -> HarmonicCenters:
+    def at_phase(cls, frequency: Array | float, phase: Array | float = 0.0) -> Self:
         """Unit-amplitude centers of frequencies (n,), or of one, at the given phases, rad: shape (n,), or one for all.
 
         FrequencyError if a frequency is not finite and positive; it names the center.
@@ -196,9 +194,7 @@ class NonlinearCenters:
     p: Array  # of the same shape
 
     @classmethod
-    def at_rest(
-        cls, spring: Spring, control: Array | float, momentum: float = 1.0, damping: float = 1.0
-    ) -> NonlinearCenters:
+    def at_rest(cls, spring: Spring, control: Array | float, momentum: float = 1.0, damping: float = 1.0) -> Self:
         """Centers with control parameters (n,), or one, at q = 0, p = p0 (eq. 10); FrequencyError names a bad one."""
         controls = np.atleast_1d(np.asarray(control, dtype=np.float64))
         centers = cls(spring, controls, momentum, damping, np.zeros(len(controls)), np.full(len(controls), momentum))

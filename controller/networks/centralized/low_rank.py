@@ -7,9 +7,8 @@ only, a strong one of many and a weak one of few; a channel has a share in those
 is not stored.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,7 +62,7 @@ class PackedWeights:
     curves: NDArray[np.float32]  # A, what is used of its rows one after the other
 
     @classmethod
-    def of(cls, weights: LowRankWeights) -> PackedWeights:
+    def of(cls, weights: LowRankWeights) -> Self:
         """Weights as they are stored, rounded to single precision."""
         there, used = weights.shares != 0.0, weights.used
         return cls(

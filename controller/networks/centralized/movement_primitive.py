@@ -11,10 +11,9 @@ together moves together; the second term lets a motion reach a point that no mix
 it near there.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -91,7 +90,7 @@ class MovementPrimitive:
 
     def through(
         self, phase: float, point: ArrayLike, *, channels: ArrayLike | None = None, deviation: float = 0.0
-    ) -> MovementPrimitive:
+    ) -> Self:
         """The motion through one point more, at a phase in [0, 1]: a value for each of the channels (default: all).
 
         `deviation` is the standard deviation that is allowed, in their unit. MotiondeckError if the phase, a channel or
@@ -117,7 +116,7 @@ class MovementPrimitive:
             ),
         )
 
-    def ending_at(self, point: ArrayLike, *, deviation: float = 0.0) -> MovementPrimitive:
+    def ending_at(self, point: ArrayLike, *, deviation: float = 0.0) -> Self:
         """The same motion with another end; see `through`."""
         return self.through(1.0, point, deviation=deviation)
 

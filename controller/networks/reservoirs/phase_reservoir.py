@@ -8,10 +8,9 @@ pieces, each half a turn. The reservoir sees phi by its harmonics
 The weights that motions share follow from a seed and are not stored.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,7 +34,7 @@ class PhaseReservoir:
     drive_weights: Float32  # W_u, shape (N, 1), or (N, 0) where there is no input besides the phase
 
     @classmethod
-    def draw(cls, scales: PhaseScales, channels: int, seed: int) -> PhaseReservoir:
+    def draw(cls, scales: PhaseScales, channels: int, seed: int) -> Self:
         """The weights of a seed, each from U[-1, 1] before it is scaled."""
         # Drawn from the raw bits of the generator, whose stream never changes with the version of numpy.
         raw, neurons, inputs = np.random.PCG64(seed), scales.neurons, 2 * scales.harmonics
@@ -68,7 +67,7 @@ class PhaseCourse:
     leads_in: bool = True  # whether the phase rises before a one-shot begins, so that it begins at its own speed
 
     @classmethod
-    def of(cls, frames: int, pieces: int, *, loop: bool, held: int = 0, leads_in: bool = True) -> PhaseCourse:
+    def of(cls, frames: int, pieces: int, *, loop: bool, held: int = 0, leads_in: bool = True) -> Self:
         """Of a motion of some frames, the last of which only hold its end."""
         way = np.arange(frames) / (frames if loop else max(1, frames - held - 1))
         piece = np.minimum(pieces * way, pieces - 1).astype(np.int64)

@@ -5,10 +5,8 @@
 The reservoir of a conceptor has leak a = 1; in an echo-state network p is the fed-back output, one frame old.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,7 +30,7 @@ class Reservoir:
     def __len__(self) -> int:
         return len(self.bias)
 
-    def single(self) -> Reservoir:
+    def single(self) -> Self:
         """The same in single precision: half the memory and twice as fast to drive."""
         weights, inputs, bias = (a.astype(np.float32) for a in (self.weights, self.input_weights, self.bias))
         return replace(self, weights=weights, input_weights=inputs, bias=bias)

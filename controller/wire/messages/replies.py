@@ -4,9 +4,8 @@ A command is answered at once by Accepted, Refused or State; a Switch, Queue or 
 more when it has settled, a request to servos when they have replied.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
+from typing import Self
 
 import msgspec
 
@@ -93,7 +92,7 @@ class State(DeckSnapshot, frozen=True, kw_only=True, tag="state"):
     id: Natural
 
     @classmethod
-    def of(cls, snapshot: DeckSnapshot, motions: Sequence[str], id: int) -> State:
+    def of(cls, snapshot: DeckSnapshot, motions: Sequence[str], id: int) -> Self:
         """The reply to the command `id`."""
         fields = {name: getattr(snapshot, name) for name in DeckSnapshot.__struct_fields__}
         return cls(motions=list(motions), id=id, **fields)

@@ -12,10 +12,6 @@ _PACKAGE = "dynamixel_easy_sdk"
 _SAME_PLACES = {"XM335-T323": "XC330-T288"}  # a model that the maker's files lack, and one with the same registers
 
 
-class ModelFileError(MotiondeckError):
-    """The maker's tables are missing, or not of the form that is known."""
-
-
 class Row(NamedTuple):
     """One register as the maker's file lists it."""
 
@@ -41,7 +37,7 @@ def model_numbers(folder: Path | None = None) -> dict[str, int]:
 
 
 def model_file(model: str, folder: Path | None = None) -> ModelFile:
-    """The maker's table of a model; raises ModelFileError if there is none of the known form."""
+    """The maker's table of a model; raises MotiondeckError if there is none of the known form."""
     name = f"{_stem(_SAME_PLACES.get(model, model))}.model"
     try:
         sections = dict(_sections(_read(name, folder)))
@@ -51,7 +47,7 @@ def model_file(model: str, folder: Path | None = None) -> ModelFile:
         turn = kind["max_radian"] - kind["min_radian"]
         counts = kind["value_of_max_radian_position"] - kind["value_of_min_radian_position"]
     except (KeyError, ValueError) as error:
-        raise ModelFileError(f"{name} of dynamixel-sdk is not of the form that is known ({error}).") from error
+        raise MotiondeckError(f"{name} of dynamixel-sdk is not of the form that is known ({error}).") from error
     # The two ends of one turn are neighbours, so 0 to 4095 is a turn of 4096.
     pulses = round((counts + counts % 2) * 2.0 * 3.14159265 / turn)
     return ModelFile(pulses, units.get("present_velocity", 0.0), tuple(_unique(rows)))
@@ -78,12 +74,12 @@ def _read(name: str, folder: Path | None) -> str:
     if folder is None:
         spec = find_spec(_PACKAGE)
         if spec is None or spec.origin is None:
-            raise ModelFileError("dynamixel-sdk without control tables: install dynamixel-sdk 4.1 or newer.")
+            raise MotiondeckError("dynamixel-sdk without control tables: install dynamixel-sdk 4.1 or newer.")
         folder = Path(spec.origin).parent / "control_table"
     try:
         return (folder / name).read_text(encoding="utf-8-sig")
     except OSError as error:
-        raise ModelFileError(f"{name} of dynamixel-sdk cannot be read: {error.strerror}.") from error
+        raise MotiondeckError(f"{name} of dynamixel-sdk cannot be read: {error.strerror}.") from error
 
 
 def _snake(label: str) -> str:

@@ -1,9 +1,11 @@
 """`motiondeck gamepad`: commands a running deck with a gamepad."""
 
+from __future__ import annotations
+
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from typer import Option
 
@@ -12,8 +14,11 @@ from controller.wire.messages import commands
 from controller.wire.messages.arguments import TEMPO
 from controller.wire.messages.commands import DeckCommand
 from controller.wire.messages.replies import Refused, State
-from motiondeck.cli.remote.gamepad_device import Button, EventDevice, Stick, events, open_gamepad
+from motiondeck.cli.remote.gamepad_device import Button, Stick, events, open_gamepad
 from motiondeck_base.errors import MotiondeckError
+
+if TYPE_CHECKING:
+    from evdev import InputDevice
 
 SLOWEST = 0.1  # the tempo of the stick when it is pulled all the way down
 DEAD = 0.15  # deflections of the stick up to this share of the full one count as released
@@ -72,7 +77,7 @@ def tempo_of(value: float) -> float:
     return min(max(round(tempo / STEP) * STEP, SLOWEST), TEMPO.highest)
 
 
-def drive(device: EventDevice, client: CommandClient) -> None:
+def drive(device: InputDevice[str], client: CommandClient) -> None:
     """Commands the deck until the gamepad is unplugged; then the deck is paused. SocketError if no deck is running."""
     from motiondeck.run.terminal import describe
 

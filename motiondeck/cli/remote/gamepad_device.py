@@ -4,12 +4,17 @@ Codes and directions follow the kernel's gamepad specification (Linux, Documenta
 serves every gamepad whose driver follows it.
 """
 
+from __future__ import annotations
+
 from collections.abc import Iterator, Mapping, Sequence
 from enum import Enum
 from pathlib import Path
-from typing import NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple
 
 from motiondeck_base.errors import MotiondeckError
+
+if TYPE_CHECKING:
+    from evdev import InputDevice
 
 # Linux, include/uapi/linux/input-event-codes.h; written out because evdev is an optional dependency.
 EV_SYN, EV_KEY, EV_ABS = 0, 1, 3
@@ -45,45 +50,7 @@ BUTTONS = {
 }
 
 
-class AxisRange(Protocol):
-    """What an axis reports, in its own units."""
-
-    @property
-    def min(self) -> int:
-        """The least value."""
-        ...
-
-    @property
-    def max(self) -> int:
-        """The greatest value."""
-        ...
-
-
-class InputEvent(Protocol):
-    """One event of the kernel."""
-
-    type: int
-    code: int
-    value: int
-
-
-class EventDevice(Protocol):
-    """The part of evdev.InputDevice that reading needs."""
-
-    def read_loop(self) -> Iterator[InputEvent]:
-        """All events; raises OSError when the device is unplugged."""
-        ...
-
-    def absinfo(self, axis_num: int, /) -> AxisRange:
-        """The range of an axis."""
-        ...
-
-    def active_keys(self) -> list[int]:
-        """The codes of the buttons that are held down."""
-        ...
-
-
-def events(device: EventDevice) -> Iterator[Button | Stick]:
+def events(device: InputDevice[str]) -> Iterator[Button | Stick]:
     """Buttons as they are pressed, and positions of the left stick, until the device is unplugged (OSError)."""
     # Where the kernel drops events because they were read too slowly, an emergency stop must not be lost with them: B
     # counts as pressed if it is held down afterwards.
@@ -106,7 +73,7 @@ def deflection(value: int, lowest: int, highest: int) -> float:
     return min(max((2.0 * value - lowest - highest) / (highest - lowest), -1.0), 1.0)
 
 
-def open_gamepad(path: Path | None) -> EventDevice:
+def open_gamepad(path: Path | None) -> InputDevice[str]:
     """The gamepad at a path (/dev/input/event7), or the first one found; MotiondeckError without evdev or gamepad."""
     try:
         import evdev

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import sys
 import time
+from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -55,8 +56,9 @@ def stage(
     """
     from controller.wire.messages.commands import Pause
     from motiondeck.stage.bridge import Bridge
-    from motiondeck.stage.midi_port import MidiGoneError
-    from motiondeck.stage.osc import OscOutput
+    from motiondeck.stage.midi import MidiInput
+    from motiondeck.stage.midi_port import MidiGoneError, open_midi_port
+    from motiondeck.stage.osc import OscInput, OscOutput
     from motiondeck.stage.stage_file import read_stage
     from motiondeck_base.errors import MotiondeckError
     from motiondeck_base.shipped import find_stage
@@ -66,24 +68,26 @@ def stage(
     client = client_of(command_port, host, token_file)
     logging.disable(logging.WARNING)  # python-osc logs what it cannot read, and so do we, but not as often
     tell = Sparing()
-    inputs: list[Input] = []
-    output = None
-    try:
-        _check_motions(mapped, path, client)
-        inputs = _open(mapped, tell)
-        output = OscOutput(*mapped.osc.target) if mapped.osc.target is not None else None
-        print(f"{path.name}: {_summary(mapped)}", flush=True)
-        Bridge(client, inputs, output, _print_reply, tell).run()
-    except MidiGoneError as error:
-        client.request(Pause())
-        raise MotiondeckError(f"{error}, so the deck was paused") from None
-    except KeyboardInterrupt:
-        sys.exit(130)
-    finally:
-        logging.disable(logging.NOTSET)
-        for opened in (*inputs, output, client):
-            if opened is not None:
-                opened.close()
+    with ExitStack() as opened:
+        opened.callback(logging.disable, logging.NOTSET)
+        opened.enter_context(closing(client))
+        try:
+            _check_motions(mapped, path, client)
+            inputs: list[Input] = []
+            if mapped.osc.port is not None:
+                inputs.append(opened.enter_context(closing(OscInput(mapped.osc.port, mapped.osc.commands, tell))))
+            if mapped.midi is not None:
+                port = open_midi_port(mapped.midi.input)
+                inputs.append(opened.enter_context(closing(MidiInput(port, mapped.midi))))
+            target = mapped.osc.target
+            output = opened.enter_context(closing(OscOutput(*target))) if target is not None else None
+            print(f"{path.name}: {_summary(mapped)}", flush=True)
+            Bridge(client, inputs, output, _print_reply, tell).run()
+        except MidiGoneError as error:
+            client.request(Pause())
+            raise MotiondeckError(f"{error}, so the deck was paused") from None
+        except KeyboardInterrupt:
+            sys.exit(130)
 
 
 def _check_motions(mapped: StageMap, path: Path, client: CommandClient) -> None:
@@ -103,24 +107,6 @@ def _check_motions(mapped: StageMap, path: Path, client: CommandClient) -> None:
     ]
     if problems:
         raise FileFormatError.listing(str(path), problems)
-
-
-def _open(mapped: StageMap, tell: Sparing) -> list[Input]:
-    from motiondeck.stage.midi import MidiInput
-    from motiondeck.stage.midi_port import open_midi_port
-    from motiondeck.stage.osc import OscInput
-
-    inputs: list[Input] = []
-    try:
-        if mapped.osc.port is not None:
-            inputs.append(OscInput(mapped.osc.port, mapped.osc.commands, tell))
-        if mapped.midi is not None:
-            inputs.append(MidiInput(open_midi_port(mapped.midi.input), mapped.midi))
-    except BaseException:
-        for opened in inputs:
-            opened.close()
-        raise
-    return inputs
 
 
 def _summary(mapped: StageMap) -> str:

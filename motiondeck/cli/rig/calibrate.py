@@ -43,8 +43,8 @@ def calibrate(
     from hardware.errors import SerialPortError, ServoError
     from hardware.rig.turn_file import TurnFile
     from hardware.tools.calibration import Sweep, load_progress, rejoined
+    from hardware.tools.loose_joints import keep_turns
     from hardware.tools.rig_writing import save_rig
-    from hardware.tools.turn_setting import keep_turns
 
     config = load(rig)
     if not out.parent.is_dir():

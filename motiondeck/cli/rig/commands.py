@@ -228,8 +228,7 @@ def turns(rig: RigArgument, port: PortOption = None) -> None:
     Example:  motiondeck rig turns my-rig.toml
     """
     from hardware.rig.turn_file import TurnFile
-    from hardware.tools.loose_joints import loosen
-    from hardware.tools.turn_setting import store_turns
+    from hardware.tools.loose_joints import loosen, store_turns
     from motiondeck.cli.rig.line_input import LineInput
 
     config = load(rig)

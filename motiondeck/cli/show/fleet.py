@@ -25,9 +25,12 @@ def certificates(
 
       motiondeck fleet certificates gala conductor=192.168.1.20 left=192.168.1.21 right=192.168.1.22:7450
     """
-    from motiondeck.shows.certificates import YEARS, make_certificates
     from motiondeck_base.errors import MotiondeckError
 
+    try:
+        from motiondeck.shows.certificates import YEARS, make_certificates
+    except ImportError:
+        raise MotiondeckError("certificates need cryptography: pip install 'motiondeck[fleet]'") from None
     addresses: dict[str, str] = {}
     for member in members:
         name, equals, address = member.partition("=")

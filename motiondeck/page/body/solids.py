@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
+from trimesh.creation import revolve
 
 from controller.motion.rotations import Array, multiply, rotate
 
@@ -208,22 +209,8 @@ def box() -> Triangles:
 
 def _surface(radius: Array, height: Array, segments: int) -> Triangles:
     """The surface that a line of (radius, height) points sweeps about z, seen from outside when it runs downwards."""
-    turn = np.linspace(0.0, 2.0 * np.pi, segments, endpoint=False)
-    ring = np.stack([np.cos(turn), np.sin(turn)], axis=-1)
-    vertices = np.concatenate(
-        [np.column_stack([r * ring, np.full(segments, z)]) for r, z in zip(radius, height, strict=True)]
-    )
-    faces = []
-    for level in range(len(radius) - 1):
-        for here in range(segments):
-            there = (here + 1) % segments
-            a, b = level * segments + here, level * segments + there
-            # At a pole all corners of a ring are one point.
-            if radius[level + 1] > 1e-9:
-                faces.append([a, a + segments, b + segments])
-            if radius[level] > 1e-9:
-                faces.append([a, b + segments, b])
-    return vertices.astype(np.float32), np.array(faces, dtype=np.uint32)
+    swept = revolve(np.column_stack([radius, height])[::-1], sections=segments)
+    return swept.vertices.astype(np.float32), swept.faces.astype(np.uint32)
 
 
 def _colour(model: mujoco.MjModel, geom: int) -> NDArray[np.float32]:

@@ -1,9 +1,8 @@
 """What a run sends its page: once a description, and with every picture a snapshot and the arrays that are drawn."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from typing import Self
 
 import msgspec
 
@@ -95,7 +94,7 @@ class PictureArrays:
         return {name: getattr(self, name).size for name in self.shapes}
 
     @classmethod
-    def over(cls, shared: Mapping[str, Array], shapes: Mapping[str, list[int]]) -> PictureArrays:
+    def over(cls, shared: Mapping[str, Array], shapes: Mapping[str, list[int]]) -> Self:
         """Views of the fields of a shared state."""
         return cls(**{name: shared[name].reshape(shape) for name, shape in shapes.items()})
 

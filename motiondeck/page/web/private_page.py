@@ -29,12 +29,8 @@ LOOPBACK = "127.0.0.1"
 _HTTP = 80  # the port that browsers leave out
 
 
-class PagePortError(MotiondeckError):
-    """A port that the page cannot have."""
-
-
 class PrivatePage(viser.ViserServer):
-    """A viser server on 127.0.0.1 alone, which is never shared; PagePortError if the port is taken or not allowed."""
+    """A viser server on 127.0.0.1 alone, which is never shared; MotiondeckError if the port is taken or not allowed."""
 
     def __init__(self, port: int, label: str) -> None:
         _check_free(port)
@@ -46,7 +42,7 @@ class PrivatePage(viser.ViserServer):
         if self.get_port() != port:
             # viser moves on to the next free port when it loses a race for this one.
             self.stop()
-            raise PagePortError(_taken(port))
+            raise MotiondeckError(_taken(port))
         self.gui.configure_theme(show_share_button=False, show_logo=False)
         # Sharing is off three times: no button, no handler for a crafted message, no method to call.
         for request in (viser._messages.ShareUrlRequest, viser._messages.ShareUrlDisconnect):
@@ -76,7 +72,7 @@ def _check_free(port: int) -> None:
         try:
             probe.bind((LOOPBACK, port))
         except (OSError, OverflowError) as error:
-            raise PagePortError(_taken(port)) from error
+            raise MotiondeckError(_taken(port)) from error
 
 
 def _taken(port: int) -> str:

@@ -4,7 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from controller.wire.authentication import TokenError, read_token, sign, verify
+from controller.wire.authentication import read_token, sign, verify
+from motiondeck_base.errors import MotiondeckError
 
 TOKEN = b"0123456789abcdef"
 
@@ -42,15 +43,15 @@ def test_a_private_file_is_read(file):
 @pytest.mark.parametrize("mode", [0o640, 0o604, 0o620, 0o666])
 def test_a_file_that_others_may_use_is_refused(file, mode):
     file.chmod(mode)
-    with pytest.raises(TokenError, match="chmod 600"):
+    with pytest.raises(MotiondeckError, match="chmod 600"):
         read_token(file)
 
 
 def test_a_short_token_and_no_token_are_refused_with_a_way_to_make_one(file, tmp_path):
     file.write_bytes(b"short")
-    with pytest.raises(TokenError, match="at least 16 characters, not 5"):
+    with pytest.raises(MotiondeckError, match="at least 16 characters, not 5"):
         read_token(file)
-    with pytest.raises(TokenError, match="openssl rand"):
+    with pytest.raises(MotiondeckError, match="openssl rand"):
         read_token(tmp_path / "nothing")
-    with pytest.raises(TokenError):
+    with pytest.raises(MotiondeckError):
         read_token(tmp_path)

@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from controller.wire.command_socket import CommandClient, CommandServer, SocketError
-from controller.wire.local_transport import MOST_CLIENTS, DeckFullError, command_folder
+from controller.wire.local_transport import MOST_CLIENTS, command_folder
 from controller.wire.messages.commands import EmergencyStop, GetStatus, Reset, Stop, Switch, encode
 from controller.wire.messages.replies import Accepted, Refused, read_reply
 from controller.wire.stop_door import PLACES, StopDoor
@@ -249,7 +249,7 @@ def test_the_guards_process_needs_nothing_heavy_for_it():
 def test_a_deck_full_of_idle_programs_is_stopped_and_others_read_that_it_is_full(deck, idle):
     with idle_programs(command_folder() / "47810", idle), closing(CommandClient(47810)) as client:
         for _ in range(2):
-            with pytest.raises(DeckFullError, match="the deck is full"):
+            with pytest.raises(SocketError, match="the deck is full"):
                 client.request(GetStatus())
             assert isinstance(client.request(EmergencyStop()), Accepted)
     until(lambda: sum(deck) == 2, "both presses")

@@ -13,10 +13,11 @@ from benchmarks.simulated_time import EmulatedPort
 from command_line import invoked
 from hardware.bus.servo_bus import Bus
 from hardware.emulator.bus import EmulatedBus
-from hardware.emulator.faults import KINDS, Fault, FaultError, FaultPlan, parse_fault
+from hardware.emulator.faults import KINDS, Fault, FaultPlan, parse_fault
 from hardware.emulator.pty_server import PtyServer
 from hardware.errors import SerialPortError
 from hardware.families.models import MODELS
+from motiondeck_base.errors import MotiondeckError
 
 
 def port_with(config, *faults, seed=0, paced=False):
@@ -39,7 +40,7 @@ def test_a_fault_is_said_in_one_word_and_a_few_numbers():
     ],
 )
 def test_a_wrong_fault_says_what_is_allowed(text, said):
-    with pytest.raises(FaultError, match=said.replace(".", r"\.")):
+    with pytest.raises(MotiondeckError, match=said.replace(".", r"\.")):
         parse_fault(text)
 
 
@@ -47,13 +48,13 @@ def test_a_wrong_fault_says_what_is_allowed(text, said):
 def test_any_words_are_a_fault_or_one_clear_error(text, kind):
     try:
         said = parse_fault(f"{kind}:{text}").kind
-    except FaultError as error:
+    except MotiondeckError as error:
         said = str(error)
     assert kind in said
 
 
 def test_a_fault_of_a_servo_that_is_not_there_is_refused(rig_of_four):
-    with pytest.raises(FaultError, match=r"no id 9 on this rig \(ids: \[1, 2, 3, 4\]\)"):
+    with pytest.raises(MotiondeckError, match=r"no id 9 on this rig \(ids: \[1, 2, 3, 4\]\)"):
         port_with(rig_of_four, "dead:id=9")
 
 
@@ -206,7 +207,7 @@ def test_the_command_line_emulates_scans_and_stops(servo20_file, tmp_path):
         assert "return_delay_time is 250" in sick.stdout
         stopped = run("stop", str(servo20_file), "--port", str(link))
         assert stopped.stdout == "torque off: 20 of 20 servos\n"
-        with pytest.raises(FaultError, match="no fault 'explode'"):
+        with pytest.raises(MotiondeckError, match="no fault 'explode'"):
             run("emulate", str(servo20_file), "--fault", "explode")
     finally:
         emulator.terminate()

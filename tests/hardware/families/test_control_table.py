@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from hardware.families.models import MODELS
-from hardware.families.table import UnknownRegisterError, parse_table
+from hardware.families.table import parse_table
+from motiondeck_base.errors import MotiondeckError
 
 XM430 = MODELS["XM430-W350"]
 
@@ -51,7 +52,7 @@ def test_a_count_outside_the_range_is_refused():
 
 
 def test_an_unknown_register_names_the_nearest():
-    with pytest.raises(UnknownRegisterError, match="goal_position"):
+    with pytest.raises(MotiondeckError, match="goal_position"):
         XM430["goal_positon"]
 
 

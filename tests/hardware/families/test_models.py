@@ -3,10 +3,11 @@
 import msgspec
 import pytest
 
-from hardware.families.dynamixel2.sdk_models import ModelFileError, model_file, model_numbers
+from hardware.families.dynamixel2.sdk_models import model_file, model_numbers
 from hardware.families.models import MODELS, TRAITS, model_name
 from hardware.rig.rig_file import RigConfig, RigJoint
 from hardware.rig.state_block import arranged
+from motiondeck_base.errors import MotiondeckError
 
 
 def test_every_model_that_the_maker_numbers_has_a_table():
@@ -70,9 +71,9 @@ def test_models_are_known_by_number():
 )
 def test_a_model_file_of_another_form_is_refused(tmp_path, text):
     (tmp_path / "xl430_w250.model").write_text(text)
-    with pytest.raises(ModelFileError, match="not of the form"):
+    with pytest.raises(MotiondeckError, match="not of the form"):
         model_file("XL430-W250", tmp_path)
-    with pytest.raises(ModelFileError, match="cannot be read"):
+    with pytest.raises(MotiondeckError, match="cannot be read"):
         model_numbers(tmp_path)
 
 

@@ -5,8 +5,9 @@ import numpy as np
 import pytest
 from PIL import Image, ImageSequence
 
-from motiondeck.pictures.offscreen import OffScreen, PictureError, with_less_detail
+from motiondeck.pictures.offscreen import OffScreen, with_less_detail
 from motiondeck.pictures.video import Screens, Shot, contact_sheet, render
+from motiondeck_base.errors import MotiondeckError
 from sim.models.mannequin.mannequin import build_mannequin
 from simulated_bodies import human
 
@@ -19,7 +20,7 @@ def model():
     built = build_mannequin(human()).compile()
     try:
         OffScreen(built, (16, 16)).close()
-    except PictureError as error:
+    except MotiondeckError as error:
         pytest.skip(str(error))
     return built
 
@@ -48,7 +49,7 @@ def test_closing_twice_does_no_harm(model):
 
 @pytest.mark.parametrize("size", [(0, 10), (10, 5000)])
 def test_an_impossible_size_is_refused(model, size):
-    with pytest.raises(PictureError, match="1920 x 1080"):
+    with pytest.raises(MotiondeckError, match="1920 x 1080"):
         OffScreen(model, size)
 
 
@@ -88,30 +89,30 @@ def test_a_film_that_breaks_leaves_nothing_behind(model, tmp_path):
 @pytest.mark.thorough
 @pytest.mark.parametrize("name", ["a.gif", "a.mp4"])
 def test_a_film_of_nothing_is_refused(model, tmp_path, name):
-    with pytest.raises(PictureError, match="no frames"):
+    with pytest.raises(MotiondeckError, match="no frames"):
         render(model, [], tmp_path / name, size=(32, 32))
     assert list(tmp_path.iterdir()) == []
 
 
 def test_other_endings_odd_sizes_and_missing_folders_are_refused(model, tmp_path):
-    with pytest.raises(PictureError, match=r"ends in \.mp4 or \.gif"):
+    with pytest.raises(MotiondeckError, match=r"ends in \.mp4 or \.gif"):
         render(model, [standing(model)], tmp_path / "walk.avi")
-    with pytest.raises(PictureError, match="even width and height"):
+    with pytest.raises(MotiondeckError, match="even width and height"):
         render(model, [standing(model)], tmp_path / "walk.mp4", size=(63, 64))
-    with pytest.raises(PictureError, match="there is no folder"):
+    with pytest.raises(MotiondeckError, match="there is no folder"):
         render(model, [standing(model)], tmp_path / "nowhere" / "walk.gif")
 
 
 def test_without_ffmpeg_the_extra_is_named(model, tmp_path, monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "imageio_ffmpeg", None)
-    with pytest.raises(PictureError, match=r'pip install "motiondeck\[video\]"'):
+    with pytest.raises(MotiondeckError, match=r'pip install "motiondeck\[video\]"'):
         render(model, [standing(model)], tmp_path / "walk.mp4", size=(32, 32))
 
 
 def test_without_opengl_the_packages_are_named(model, monkeypatch):
     monkeypatch.setenv("MUJOCO_GL", "egl")
     monkeypatch.setitem(__import__("sys").modules, "mujoco.egl", None)
-    with pytest.raises(PictureError, match=r"apt install libegl1 libgl1 libgl1-mesa-dri.*libosmesa6"):
+    with pytest.raises(MotiondeckError, match=r"apt install libegl1 libgl1 libgl1-mesa-dri.*libosmesa6"):
         OffScreen(model, (16, 16))
 
 
@@ -128,9 +129,9 @@ def test_a_contact_sheet_has_a_row_a_motion(model, tmp_path):
 
 
 def test_a_contact_sheet_of_nothing_or_of_another_kind_is_refused(model, tmp_path):
-    with pytest.raises(PictureError, match="no motions"):
+    with pytest.raises(MotiondeckError, match="no motions"):
         contact_sheet([], tmp_path / "sheet.png")
-    with pytest.raises(PictureError, match=r"ends in \.png"):
+    with pytest.raises(MotiondeckError, match=r"ends in \.png"):
         contact_sheet([("x", model, [standing(model)])], tmp_path / "sheet.txt")
 
 

@@ -7,14 +7,13 @@ from contextlib import ExitStack, closing
 
 import pytest
 
-from motiondeck.shows.certificates import make_certificates
 from motiondeck.shows.link import Link
 from motiondeck.shows.membership import deck_in, with_certificates
 from motiondeck_base.errors import MotiondeckError
 from waiting import free_ports, until
 
 zenoh = pytest.importorskip("zenoh")
-pytest.importorskip("cryptography")
+make_certificates = pytest.importorskip("motiondeck.shows.certificates").make_certificates
 
 
 def addresses(*names):

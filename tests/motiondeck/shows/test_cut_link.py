@@ -10,13 +10,12 @@ from contextlib import ExitStack, closing
 import pytest
 
 from motiondeck.shows import link
-from motiondeck.shows.certificates import make_certificates
 from motiondeck.shows.link import Link
 from motiondeck.shows.membership import with_certificates
 from waiting import free_ports, until
 
 pytest.importorskip("zenoh")
-pytest.importorskip("cryptography")
+make_certificates = pytest.importorskip("motiondeck.shows.certificates").make_certificates
 
 SILENT = [f"silent-{number}" for number in range(8)]
 LEASE = 0.4

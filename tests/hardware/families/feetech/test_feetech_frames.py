@@ -5,8 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hardware.families import plain_instructions as wire
-from hardware.families.feetech.family import FAMILY
-from hardware.families.feetech.group_reply import as_status, group_read, lines
+from hardware.families.feetech.family import FAMILY, as_status, group_read, lines
 from hardware.families.models import MODELS
 from hardware.families.plain_frames import PlainParser, build
 

@@ -23,9 +23,8 @@ from hardware.rig.switching.turns import find_zeros
 from hardware.rig.turn_file import Turn, TurnFile
 from hardware.tools.calibration import Sweep
 from hardware.tools.doctor import examine
-from hardware.tools.loose_joints import loosen, positions
+from hardware.tools.loose_joints import keep_turns, loosen, positions, store_turns
 from hardware.tools.teaching import watch_hands
-from hardware.tools.turn_setting import keep_turns, store_turns
 
 HALF = np.pi / 3.0  # rad of the waist for half a turn of its horn
 

@@ -14,7 +14,8 @@ import websockets.exceptions
 import websockets.sync.client
 
 from benchmarks.deck.page import CAMERA
-from motiondeck.page.web.private_page import PagePortError, PrivatePage
+from motiondeck.page.web.private_page import PrivatePage
+from motiondeck_base.errors import MotiondeckError
 from waiting import free_port
 from web_pages import coarse
 
@@ -235,5 +236,5 @@ def test_a_port_it_cannot_have_is_named(port):
         holder.bind(("127.0.0.1", 0))
         holder.listen()
         number = holder.getsockname()[1] if port == "taken" else port
-        with pytest.raises(PagePortError, match=f"port {number} on 127.0.0.1.*--port"):
+        with pytest.raises(MotiondeckError, match=f"port {number} on 127.0.0.1.*--port"):
             PrivatePage(number, "test")
