@@ -21,7 +21,7 @@ from sim.retargeting.human_stance import FlatFeet, HumanStance
 from sim.retargeting.robot_trunk import RobotTrunk
 
 # Height of a touching point of the skin, lengths of the leg, and the multiple of it from which a point is ignored.
-TOUCHES, CLOSE = 0.006, 3.0
+TOUCHES, CLOSE = 0.002, 3.0
 OTHERS = 0.2  # weight of hands and knees, whose stillness is not measured, as the share of a standing foot
 NOWHERE = -1e9  # radius of padding points in the rows of soles, m
 

@@ -51,7 +51,7 @@ WEIGHT = {
 WEIGHT |= {"foot_up": 2.5, "foot_ahead": 0.4}
 TIPTOE = 0.2
 # Weights of standing feet: distance along the floor, difference of height, additional weight of the toes.
-APART, HIGHER, TURNED = 5.0, 3.0, 3.0
+APART, HIGHER, TURNED = 15.0, 3.0, 4.0
 # The plane of an arm, times the sine of the human's bend: a straight arm has none.
 WEIGHT |= {PLANE: 4.0}
 WEIGHT |= {"upper_arm_start": 2.0, "thigh_start": 2.0}

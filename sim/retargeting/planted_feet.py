@@ -19,7 +19,7 @@ from sim.retargeting.robot_parts import SIDES
 # Time constants of holding and releasing a foot, and of held values that follow the robot, s.
 SETTLES, GOES_ALONG = 0.03, 0.01
 # Time constant of releasing a sole's direction, s: at once, it would turn before the foot has left the floor.
-TURNS = 0.2
+TURNS = 0.4
 SURE, DOUBTFUL = 0.6, 0.2  # standing above which a foot is held in full, and below which not at all
 LOW = 0.1  # height near the floor in which the difference of the feet's heights is the human's, lengths of the leg
 
