@@ -85,7 +85,7 @@ class InverseKinematics:
     ) -> None:
         """As of `LimbSolver`, for a skeleton with its stance; FileFormatError if it lacks a limb."""
         self._trunk, self._stance = trunk or RobotTrunk(skeleton, limbs.waist(limits)), stance
-        self.solver = LimbSolver(limbs, limits, rest, dt, tilts=self._trunk.floats)
+        self.solver = LimbSolver(limbs, limits, rest, dt, tilts=limbs.has_legs)
         self._planted = None
         if stance is not None and stance.feet == 2 and FEET in limbs.vectors.names:
             leg = float(self._trunk.view.length[[LIMBS.index("r_thigh"), LIMBS.index("r_shank")]].sum())

@@ -17,7 +17,7 @@ from sim.models.limb_geometry import ACROSS
 from sim.models.surface import Surface
 from sim.retargeting.human_limbs import AHEAD, LEFT, LIMBS
 from sim.retargeting.limb_finder import LimbFinder
-from sim.retargeting.robot_parts import SIDES, bodies_of_parts
+from sim.retargeting.robot_parts import SIDES, bodies_of_parts, without_legs
 from sim.retargeting.robot_trunk import Waist
 
 
@@ -33,7 +33,7 @@ class RobotLimbs:
         """
         self.model = model
         self.data = Scratch(model)  # MuJoCo's state at the last `place`
-        self._parts = bodies_of_parts(path, model, parts)
+        self._parts, self.has_legs = bodies_of_parts(path, model, parts), not without_legs(parts)
         self.data.qpos[:] = model.qpos0
         self.data.qpos[:3] = 0.0
         for joint, (leader, curve) in followers(model).items():

@@ -41,8 +41,6 @@ STIFF = Waist(np.zeros((0, 3)), np.zeros(0), np.zeros(0), np.zeros(3), UP)
 class RobotTrunk:
     """Limbs of one skeleton as one robot's pelvis sees them, shared by its retargeter and its footing."""
 
-    floats = True  # whether the pelvis turns and tilts with the human's
-
     def __init__(self, skeleton: Skeleton, waist: Waist = STIFF) -> None:
         self.view, self._waist = LimbView(skeleton), waist
         self._angles = np.linalg.pinv(waist.axes.T) if len(waist.axes) else np.zeros((0, 3))
@@ -57,10 +55,7 @@ class RobotTrunk:
         world = self.view(pose)
         chest, bend = _frame(world[_CHEST : _CHEST + 2]), STRAIGHT
         if len(waist.axes):
-            human = _frame(world[_PELVIS : _PELVIS + 2]).T @ chest
-            angles = self._angles @ vector_of(human.tolist())
-            angles = np.minimum(np.maximum(angles, waist.lower), waist.upper)
-            bend = turned_by((angles @ waist.axes).tolist())
+            bend = self._bend(_frame(world[_PELVIS : _PELVIS + 2]).T @ chest)
             pelvis = chest @ bend.T
             line = pelvis @ (waist.below + bend @ waist.above)
             self.pelvis = _swing(line.tolist(), chest[:, 2].tolist()) @ pelvis
@@ -73,6 +68,12 @@ class RobotTrunk:
             seen = world @ self.pelvis
         seen[_CHEST], seen[_CHEST + 1] = bend[:, 0], bend[:, 1]
         return seen
+
+    def _bend(self, chest: Array) -> Array:
+        """What the waist's hinges, within their ranges, make of a chest's rotation over the pelvis, shape (3, 3)."""
+        angles = self._angles @ vector_of(chest.tolist())
+        angles = np.minimum(np.maximum(angles, self._waist.lower), self._waist.upper)
+        return turned_by((angles @ self._waist.axes).tolist())
 
     def rotation(self, pose: Pose) -> Array:
         """The rotation of the robot's pelvis in a pose, shape (4,); of a pose just retargeted as it was then."""
@@ -87,18 +88,14 @@ class RobotTrunk:
 class UprightTrunk(RobotTrunk):
     """The same of a robot without legs: its pelvis stays upright, and of the human's lean it has what its waist can."""
 
-    floats = False
-
     def __call__(self, pose: Pose) -> Array:
         """The directions of LIMBS seen from a pelvis that faces as the human does, shape (16, 3)."""
-        self._pose, waist, bend = pose, self._waist, STRAIGHT
+        self._pose, bend = pose, STRAIGHT
         world = self.view(pose)
         self.pelvis = turned_by([0.0, 0.0, facing(world)])
         seen = world @ self.pelvis
-        if len(waist.axes):
-            angles = self._angles @ vector_of(_frame(seen[_CHEST : _CHEST + 2]).tolist())
-            angles = np.minimum(np.maximum(angles, waist.lower), waist.upper)
-            bend = turned_by((angles @ waist.axes).tolist())
+        if len(self._waist.axes):
+            bend = self._bend(_frame(seen[_CHEST : _CHEST + 2]))
         seen[_CHEST], seen[_CHEST + 1] = bend[:, 0], bend[:, 1]
         return seen
 

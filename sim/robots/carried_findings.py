@@ -1,12 +1,12 @@
 """Findings about how a robot's limbs and trunk point beside a human's, for any motion that was carried onto it."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from controller.motion.rotations import Array
-from sim.retargeting.footing import FixedBase
-from sim.robots.limb_causes import limb_causes
+from sim.robots.fidelity import Carried
+from sim.robots.limb_causes import Cause, limb_causes
 from sim.robots.limb_directions import MEAN_LIMIT, WORST_LIMIT, LimbDirections
 from sim.robots.robot import Robot
 from sim.robots.verdict import LEGS_LEFT_OUT, Finding
@@ -15,24 +15,38 @@ REACH_LIMIT = 25.0  # largest mean angle of a limb that its joints cannot reach,
 TRUNK_MEAN, TRUNK_WORST = 8.0, 20.0  # largest angles of the trunk, degrees
 
 
-def carried_findings(
-    robot: Robot, directions: LimbDirections, limbs: Array, wanted: Array, played: Array, qpos: Array, rate: float
-) -> list[Finding]:
-    """The findings, the worst of each check, for T frames at a rate, Hz.
+@dataclass(frozen=True)
+class SegmentAngle:
+    """How far a segment of a robot's limb points from the human's."""
 
-    `limbs` are the human's (T, 16, 3), as of `human_lines`; `wanted` and `played` retargeted and played joints (T, J),
-    rad, and `qpos` (T, nq) the robot that plays them.
-    """
-    degrees, trunk = directions.degrees(qpos, limbs), directions.trunk_errors(qpos, limbs)
-    goals = directions.goals(limbs, qpos)
-    causes = {
-        name: limb.cause for limb in limb_causes(robot, directions, wanted, played, goals, rate) for name in limb.best
+    mean: float  # degrees
+    worst: float
+    worst_at: int  # frame
+    cause: Cause | None = None  # None within the limits
+    best: tuple[float, float] | None = None  # mean and worst at the best joint angles; None within the limits
+
+
+def segment_angles(robot: Robot, directions: LimbDirections, carried: Carried, rate: float) -> dict[str, SegmentAngle]:
+    """Those of all segments ("l_forearm") of a motion at a rate, Hz."""
+    degrees = directions.degrees(carried.qpos, carried.limbs)
+    found = {
+        segment.name: SegmentAngle(float(off.mean()), float(off.max()), int(off.argmax()))
+        for segment, off in zip(directions.segments, degrees.T, strict=True)
     }
-    names = [segment.name for segment in directions.segments]
-    off = dict(zip(names, degrees.T, strict=True))
-    found = limb_findings({name: (float(one.mean()), float(one.max())) for name, one in off.items()}, causes)
+    goals = directions.goals(carried.limbs, carried.qpos)
+    for limb in limb_causes(robot, directions, carried.wanted, carried.played, goals, rate):
+        found |= {name: replace(found[name], cause=limb.cause, best=best) for name, best in limb.best.items()}
+    return found
+
+
+def carried_findings(robot: Robot, directions: LimbDirections, carried: Carried, rate: float) -> list[Finding]:
+    """The findings, the worst of each check, of a motion at a rate, Hz."""
+    angles = segment_angles(robot, directions, carried, rate)
+    causes = {name: off.cause for name, off in angles.items() if off.cause is not None}
+    found = limb_findings({name: (off.mean, off.worst) for name, off in angles.items()}, causes)
+    trunk = directions.trunk_errors(carried.qpos, carried.limbs)
     leaning = float(trunk.mean()), float(np.max(trunk))
-    if isinstance(robot.footing, FixedBase):  # it leans with its waist alone
+    if not robot.has_legs:  # it leans with its waist alone
         return [*found, Finding(LEGS_LEFT_OUT, leaning[0], None, "deg of lean")]
     return [*found, _angle("trunk leans elsewhere", leaning, (TRUNK_MEAN, TRUNK_WORST), "")]
 

@@ -12,7 +12,6 @@ from controller.motion.posture import poses_of
 from controller.motion.rotations import Array, normalise, rotate, yaw
 from sim.models.kinematic_tree import below
 from sim.models.surface import LowestPoint, Surface
-from sim.retargeting.footing import FixedBase
 from sim.retargeting.human_limbs import LIMBS, LimbView
 from sim.retargeting.inverse_kinematics import InverseKinematics
 from sim.retargeting.retarget import ServoHumanoidRetargeter
@@ -68,7 +67,7 @@ def followed(clip: Clip, robot: Robot, angles: Array, qpos: Array) -> Carried:
 def lines_for(robot: Robot, clip: Clip) -> Array:
     """The lines of `human_lines` for a robot; one without legs, which does not turn, sees them as the human faces."""
     lines = human_lines(clip)
-    if isinstance(robot.footing, FixedBase):
+    if not robot.has_legs:
         for frame in lines:
             frame[:] = rotate(yaw(-facing(frame)), frame)
     return lines

@@ -245,9 +245,7 @@ def _carried_at(
     if file.parts:
         directions = LimbDirections(robot.model, file.parts, np.array(file.root_rotation))
         limbs = directions.errors(carried.qpos, carried.limbs)
-        found += carried_findings(
-            robot, directions, carried.limbs, carried.wanted, carried.played, carried.qpos, clip.rate
-        )
+        found += carried_findings(robot, directions, carried, clip.rate)
         feet = {s: robot.model.body(file.parts[f"{s}_foot"]).id for s in SIDES if f"{s}_foot" in file.parts}
         floor = floor_measures(clip, robot, carried.qpos, feet)
         found.append(limited("into the ground", 1e3 * floor["sunk"], 1e3 * SUNK_LIMIT, "mm"))

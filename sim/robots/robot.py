@@ -86,6 +86,11 @@ class Robot:
         return self.layout.joints
 
     @property
+    def has_legs(self) -> bool:
+        """Whether it goes where the human goes; an upper body stays upright in its place."""
+        return not isinstance(self.footing, FixedBase)
+
+    @property
     def motors(self) -> Motors | None:
         """Its servos; None if its file has no data of them."""
         return motors_of(self.servo, self.model, self.own) if self.servo is not None else None

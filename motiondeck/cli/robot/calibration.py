@@ -21,8 +21,9 @@ from motiondeck_base.shipped import find_library
 from sim.models.robot_file import read_robot_file
 from sim.retargeting.human_limbs import LIMBS
 from sim.robots.calibrate import Calibration, calibrate
+from sim.robots.carried_findings import segment_angles
 from sim.robots.fidelity import Carried, carry
-from sim.robots.limb_causes import Cause, limb_causes
+from sim.robots.limb_causes import Cause
 from sim.robots.limb_directions import MEAN_LIMIT, SEGMENTS, WORST_LIMIT, LimbDirections, beyond_limits
 from sim.robots.robot import Robot, load_robot
 
@@ -60,12 +61,11 @@ def try_robot(file: Path) -> CalibrationTrial:
     off: dict[str, tuple[float, float]] = {}
     causes: dict[str, Cause] = {}
     for robot, carried, directions in _carried(file):
-        for name, (mean, worst) in directions.errors(carried.qpos, carried.limbs).items():
+        for name, angle in segment_angles(robot, directions, carried, RATE).items():
             before = off.get(name, (0.0, 0.0))
-            off[name] = (before[0] + mean / len(MOTIONS), max(before[1], worst))
-        goals = directions.goals(carried.limbs, carried.qpos)
-        for limb in limb_causes(robot, directions, carried.wanted, carried.played, goals, RATE):
-            causes |= {name: limb.cause for name in limb.best if causes.get(name) != "carried wrongly"}
+            off[name] = (before[0] + angle.mean / len(MOTIONS), max(before[1], angle.worst))
+            if angle.cause is not None and causes.get(name) != "carried wrongly":
+                causes[name] = angle.cause
     return CalibrationTrial(off, causes)
 
 

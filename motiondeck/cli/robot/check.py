@@ -16,12 +16,12 @@ from motiondeck.cli.common.tables import show_table
 from motiondeck_base.counted import counted
 from motiondeck_base.errors import MotiondeckError
 from sim.models.robot_file import Solver
-from sim.retargeting.robot_parts import SIDES, without_legs
-from sim.robots.carried_findings import REACH_LIMIT, TRUNK_MEAN, TRUNK_WORST
-from sim.robots.fidelity import Carried, carry, floor_measures, joint_measures, shortfall
-from sim.robots.limb_causes import Cause, LimbCause, limb_causes
+from sim.retargeting.robot_parts import SIDES
+from sim.robots.carried_findings import REACH_LIMIT, TRUNK_MEAN, TRUNK_WORST, segment_angles
+from sim.robots.fidelity import carry, floor_measures, joint_measures, shortfall
+from sim.robots.limb_causes import Cause
 from sim.robots.limb_directions import LimbDirections, beyond_limits
-from sim.robots.robot import Robot, RobotLoader
+from sim.robots.robot import RobotLoader
 from sim.robots.verdict import REMEDIES, fastest_passing
 
 MUST_BE_ZERO = {
@@ -195,35 +195,22 @@ def _measured(load: RobotLoader, clip: Clip, left_out: int, solver: Solver | Non
     measures: dict[str, Any] = joint_measures(clip, loaded, carried) | shortfall(loaded)
     if file.parts:
         directions = LimbDirections(loaded.model, file.parts, np.array(file.root_rotation))
-        degrees = directions.degrees(carried.qpos, carried.limbs)
-        segments: dict[str, dict[str, Any]] = {
-            segment.name: {
-                "mean": float(off.mean()),
-                "worst": float(off.max()),
-                "worst_at_s": (left_out + int(off.argmax())) / clip.rate,
-            }
-            for segment, off in zip(directions.segments, degrees.T, strict=True)
-        }
-        causes = _causes(loaded, directions, carried, clip.rate)
-        for limb in causes:
-            for name, (mean, worst) in limb.best.items():
-                segments[name] |= {"cause": limb.cause, "best_mean": mean, "best_worst": worst}
-        measures["limbs_deg"] = segments
-        if not without_legs(file.parts):
+        measures["limbs_deg"] = segments = dict[str, dict[str, Any]]()
+        for name, off in segment_angles(loaded, directions, carried, clip.rate).items():
+            at = (left_out + off.worst_at) / clip.rate
+            segments[name] = {"mean": off.mean, "worst": off.worst, "worst_at_s": at}
+            if off.best is not None:
+                segments[name] |= {"cause": off.cause, "best_mean": off.best[0], "best_worst": off.best[1]}
+        if loaded.has_legs:
             trunk = directions.trunk_errors(carried.qpos, carried.limbs)
             measures["trunk_deg"] = {"mean": float(trunk.mean()), "worst": float(trunk.max())}
         feet = {
             side: loaded.model.body(file.parts[f"{side}_foot"]).id for side in SIDES if f"{side}_foot" in file.parts
         }
         measures |= floor_measures(clip, loaded, carried.qpos, feet)
-        if any(limb.cause == HELD_BACK for limb in causes):
+        if any(off.get("cause") == HELD_BACK for off in segments.values()):
             measures["tempo"] = _fast_enough(load, directions, clip, solver)
     return measures
-
-
-def _causes(robot: Robot, directions: LimbDirections, carried: Carried, rate: float) -> list[LimbCause]:
-    goals = directions.goals(carried.limbs, carried.qpos)
-    return limb_causes(robot, directions, carried.wanted, carried.played, goals, rate)
 
 
 def _fast_enough(load: RobotLoader, directions: LimbDirections, clip: Clip, solver: Solver | None) -> float | None:
@@ -232,8 +219,8 @@ def _fast_enough(load: RobotLoader, directions: LimbDirections, clip: Clip, solv
     def does(tempo: float) -> bool:
         slow = replace(clip, rate=tempo * clip.rate)
         robot = load(slow.skeleton, solver, 1.0 / slow.rate)
-        found = _causes(robot, directions, carry(slow, robot, SafetyEnvelope), slow.rate)
-        return all(limb.cause == OUT_OF_REACH for limb in found)
+        found = segment_angles(robot, directions, carry(slow, robot, SafetyEnvelope), slow.rate)
+        return all(off.cause in (None, OUT_OF_REACH) for off in found.values())
 
     return fastest_passing(does, 1.0)
 

@@ -11,7 +11,7 @@ from controller.motion.rotations import Array
 from controller.motion.skeleton import Skeleton
 from sim.physics.played_motions import DT, PlayedMotion, poses_at
 from sim.robots.carried_findings import carried_findings
-from sim.robots.fidelity import lines_for
+from sim.robots.fidelity import followed
 from sim.robots.limb_directions import LimbDirections
 from sim.robots.robot import Robot
 from sim.robots.verdict import Finding
@@ -44,7 +44,7 @@ class CarriedChecks:
         for k, pose in enumerate(poses):
             joints[k] = _inside(robot, retarget(pose))
             robot.place(joints[k], pose, qpos[k])
-        return carried_findings(robot, self._directions, lines_for(robot, clip), joints, joints, qpos, 1.0 / DT)
+        return carried_findings(robot, self._directions, followed(clip, robot, joints, qpos), 1.0 / DT)
 
 
 def _inside(robot: Robot, targets: Array) -> Array:

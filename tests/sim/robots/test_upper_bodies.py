@@ -82,7 +82,7 @@ def findings(loader, clip):
     robot = loader(human(), None, 1.0 / clip.rate)
     carried = carry(clip, robot, SafetyEnvelope)
     directions = LimbDirections(robot.model, loader.file.parts, np.array(loader.file.root_rotation))
-    found = carried_findings(robot, directions, carried.limbs, carried.wanted, carried.played, carried.qpos, clip.rate)
+    found = carried_findings(robot, directions, carried, clip.rate)
     return robot, carried, directions, found
 
 
