@@ -96,6 +96,13 @@ class DeckCommands(ABC, Generic[Commanded]):
         """Changes an input within a second. CommandError if no motion has it, or for a value that was not learned."""
         self._request(commands.SetInput(name, value))
 
+    def layer(self, group: str, motion: str = "off", weight: float = 1.0, tempo: float = 1.0) -> None:
+        """Plays a motion on a group of joints over the rest, with a weight from 0 to 1; "off" ends it, or all layers.
+
+        CommandError for an unknown group or motion, or a robot that can have no layer.
+        """
+        self._request(commands.Layer(group, motion, weight, tempo))
+
     def lock(self, source: Literal["beat", "deck", "body"], phase: float = 0.0, steps: int = 0) -> None:
         """Locks the phase of loops to beats, another deck or the body ([how](docs/deck.md#locks)).
 

@@ -1,7 +1,8 @@
 # pyright: strict
 """A deck that a program steps itself: joint targets for any time step, without a process, a socket or a clock."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from copy import deepcopy
 from pathlib import Path
 from typing import NamedTuple
 
@@ -9,7 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from controller.deck.deck import Deck as PlayingDeck
-from controller.deck.interfaces import JointLimits
+from controller.deck.interfaces import JointLimits, Retargeter
+from controller.deck.layers import Layers
 from controller.deck.switch import CommandedSwitch
 from controller.deck.target_curve import TargetCurve
 from controller.library.motion_library import load_library
@@ -32,8 +34,9 @@ from motiondeck.run.live_deck import with_right_types
 from motiondeck.run.spec.program import first_motion
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.shipped import find_library
-from sim.models.robot_file import solver_named
+from sim.models.robot_file import read_robot_file, solver_named
 from sim.robots.catalogue import find_robot
+from sim.robots.joint_groups import joint_groups
 from sim.robots.robot import load_robot
 
 __all__ = ["CommandedSwitch", "Deck"]
@@ -115,6 +118,9 @@ class Deck(DeckCommands[CommandedSwitch]):
         self.time = 0.0
         self._rate, self._ticks = rate, 0
         self._deck = PlayingDeck(model, self._robot.retarget, first)
+        groups, mine = joint_groups(self._robot, read_robot_file(file), model.skeleton), self._robot
+        twin: Callable[[], Retargeter] = lambda: deepcopy(mine.retarget, {id(mine.model): mine.model})  # noqa: E731
+        self._deck.layers = Layers(model, self.joints, groups, twin)
         self._source = Source(self._deck, 1.0 / rate)
         self._stop = StopRequest()
         self._commanded_run = CommandedRun(self._deck)

@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 
 from controller.deck.interfaces import Retargeter
 from controller.deck.joins.joining import Joining
+from controller.deck.layers import Layers
 from controller.deck.lockable import Lockable
 from controller.deck.locks.lock import LoopPlace
 from controller.deck.performance import Performance
@@ -22,6 +23,7 @@ from controller.motion.rotations import Array
 from controller.networks.base import Activation
 from controller.wire.messages.arguments import PHASE, TEMPO
 from controller.wire.messages.blends import blend_weights
+from controller.wire.messages.events import Event
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
 
 MOST_QUEUED = 32
@@ -61,6 +63,7 @@ class Deck(Lockable):
         self._inputs = Inputs(self.performance.tracks.leading.player.inputs, usual)
         for name, value in usual.items():
             self.performance.tracks.set_input(name, value)  # motions that share an input begin alike
+        self.layers: Layers | None = None  # over what it plays, where the run names groups of joints
         self._jump: float | None = None  # the phase to go to in the next update
         self.time = 0.0  # s since the start, summed over updates
         super().__init__()
@@ -101,6 +104,11 @@ class Deck(Lockable):
     def inputs(self) -> dict[str, float]:
         """The present values of the inputs besides the phase."""
         return dict(self._inputs.present)
+
+    @property
+    def layered(self) -> dict[str, str]:
+        """The motion of each group of joints that has a layer."""
+        return self.layers.playing if self.layers is not None else {}
 
     @property
     def phase_rate(self) -> float | None:
@@ -213,6 +221,14 @@ class Deck(Lockable):
         """Changes an input, such as speed, within a second; UnknownNameError, or MotiondeckError out of range."""
         self._inputs.command(name, value)
 
+    def layer(self, group: str, motion: str, weight: float = 1.0, tempo: float = 1.0) -> None:
+        """Plays a motion on a group of joints over what else is played; see `Layers.play`."""
+        if self.layers is None:
+            raise MotiondeckError("there are no layers here: this deck drives no named joints")
+        self.layers.play(group, motion, weight, tempo, over=self.playing)
+        text = ", ".join(f"{group}: {motion}" for group, motion in self.layered.items()) or "no layers"
+        self.events.append(Event("layer", text, self.motion, self.time))
+
     def jump(self, phase: float) -> None:
         """Fades to a phase in [0, 1] of the present motion, from the next update on; in a loop 1 is 0.
 
@@ -250,6 +266,8 @@ class Deck(Lockable):
             self._jump = None
         self.pose = playing.finish_tick()
         targets = self._retarget(self.pose)
+        if self.layers is not None:
+            targets = self.layers(targets, dt, tempo, settled=self.settled and not playing.tracks.crossing)
         if self._lock is not None:
             self._note(targets)
         return targets, self.pose

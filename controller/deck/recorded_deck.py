@@ -36,6 +36,7 @@ class RecordedDeck(Paced):
         self.way: list[str] = []
         self.queue: list[str] = []
         self.inputs: dict[str, float] = {}
+        self.layered: dict[str, str] = {}
         self.events: deque[Event] = deque()
         self._rate = float(recording.description["rate"])
         self._targets, self._motion = fields["targets"], fields["playing"][:, 0]

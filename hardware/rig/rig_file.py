@@ -46,6 +46,7 @@ class RigConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     # How long a vanished port may take to come back; 0 to stop at once.
     reconnect_s: Annotated[float, msgspec.Meta(ge=0, le=3600)] = 10.0
     follow: FollowConfig = FollowConfig()  # how joints follow their targets
+    groups: dict[str, tuple[str, ...]] = {}  # joints that layers play on, by the name of their group
     model: str = ""  # an MJCF or URDF file with these joints, relative to this file's folder, to show the rig
 
     def __post_init__(self) -> None:

@@ -63,6 +63,7 @@ _TITLES = {
     "fell": "Fallen",
     "stands": "Stands again",
     "push": "Push",
+    "layer": "Layers",
     "lost": "Contact lost",
     "replayed": "Command refused",
 }
@@ -129,6 +130,8 @@ class Panel:
         )
         self._tempo.on_update(self._tempo_moved)
         self._tap = self._add_tap() if about.has_phase else None
+        if about.groups and about.library_file:
+            self._add_layers(about.groups)
         self.view = ViewChoices(page, look_from, about)
         if about.push_ns:
             self._add_pushes(about.push_ns)
@@ -143,6 +146,21 @@ class Panel:
         ]
         if self._tap is not None:
             self._controls.append((self._tap, BY_WORD["beat"]))
+
+    def _add_layers(self, groups: list[str]) -> None:
+        gui = self._page.gui
+        with gui.add_folder("layer", expand_by_default=False):
+            group = gui.add_dropdown("joints", groups, hint=BY_WORD["layer"].help)
+            motion = gui.add_dropdown("motion", self._motions)
+            weight = gui.add_slider("weight", min=0.05, max=1.0, step=0.05, initial_value=1.0)
+            deeds = gui.add_button_group("", ("play", "off", "all off"))
+
+        @deeds.on_click
+        def _(_: viser.GuiEvent) -> None:
+            if deeds.value == "play":
+                self.send(say.Layer(str(group.value), str(motion.value), float(weight.value)))
+            else:
+                self.send(say.Layer(str(group.value) if deeds.value == "off" else "off"))
 
     def _add_pushes(self, usual: float) -> None:
         gui = self._page.gui

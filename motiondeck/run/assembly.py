@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from controller.deck.deck import Deck
 from controller.deck.interfaces import Retargeter
+from controller.deck.layers import Layers
 from controller.deck.lockable import Lockable
 from controller.deck.recorded_deck import RecordedDeck
 from controller.library.motion_library import MotionLibrary
@@ -154,6 +155,16 @@ def _assemble(opening: ExitStack, stop: StopRequest, spec: RunSpec, played: Play
         deck.attach(due=due, measured=measured, leader=leader, lead=lead.seconds)
         if spec.lock_to is not None:
             deck.lock("beat" if spec.lock_to == "beat" else "body" if spec.lock_to == "body" else "deck")
+    if isinstance(deck, Deck) and isinstance(played.source, MotionLibrary):
+        refusals = [robot.why_no_layers for robot in robots if robot.why_no_layers]
+        groups = {
+            robot.prefix + name: [robot.prefix + one for one in group]
+            for robot in robots
+            for name, group in robot.groups.items()
+        }
+        deck.layers = Layers(
+            played.source, joints, groups, lambda: together([robot.twin() for robot in robots]), "".join(refusals[:1])
+        )
     correction = _correction(opening, spec, played, robots, deck, lead, clock.period)
     watch = _watch(spec, played, first, channels[0])
     guards = [robot.guard for robot in robots if robot.guard is not None]

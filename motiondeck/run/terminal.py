@@ -89,6 +89,7 @@ def describe(reply: Reply) -> str:
             how += f", phase {reply.phase:.2f}" if reply.phase is not None else ""
             how += "".join(f", {name} {value:.3g}" for name, value in reply.inputs.items())
             how += f", {reply.lock}" if reply.lock is not None else ""
+            how += "".join(f", {group}: {motion}" for group, motion in reply.layers.items())
             doing = "switching to" if reply.switching else "playing"
             doing = "slowly approaching" if reply.approaching else doing
             mode = "FALLEN; " if reply.fallen else ""

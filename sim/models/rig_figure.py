@@ -60,12 +60,18 @@ def rig_figure(joints: Sequence[str], lower: Array, upper: Array) -> mujoco.MjSp
 
 def rows_of(joints: Sequence[str]) -> list[list[str]]:
     """The joints in rows of a square: joints whose names begin with the same word stand in rows of their own."""
+    groups = groups_of(joints)
+    grouped = {joint for group in groups.values() for joint in group}
+    together = [[joint for joint in joints if joint not in grouped], *groups.values()]
+    square = ceil(sqrt(len(joints)))
+    columns = max(square, min(square + 1, max(map(len, together))))
+    return [group[at : at + columns] for group in together for at in range(0, len(group), columns)]
+
+
+def groups_of(joints: Sequence[str]) -> dict[str, list[str]]:
+    """The joints whose names begin with the same word, by that word, where there are several."""
     groups: dict[str, list[str]] = {}
     for joint in joints:
         found = _FIRST_WORD.match(joint)
         groups.setdefault(found[0] if found else "", []).append(joint)
-    alone = [group[0] for group in groups.values() if len(group) == 1]
-    together = [alone, *(group for group in groups.values() if len(group) > 1)]
-    square = ceil(sqrt(len(joints)))
-    columns = max(square, min(square + 1, max(map(len, together))))
-    return [group[at : at + columns] for group in together for at in range(0, len(group), columns)]
+    return {word: group for word, group in groups.items() if word and len(group) > 1}

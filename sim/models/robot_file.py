@@ -84,6 +84,7 @@ class RobotFile(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     angles: dict[str, Angle] = {}  # the angle solver's joints to the model's; empty where they have the same names
     masses: dict[str, _Positive] = {}  # of bodies, kg, in place of the model's
     rest: dict[str, float] = {}  # joint positions of the rest pose, rad; other joints rest at zero
+    groups: dict[str, tuple[str, ...]] = {}  # joints that layers play on, by the name of their group
     servo: ServoMotor | None = None  # without it the model's own limits hold
     walk: WalkSettings = WalkSettings()
     rise: RiseSettings = RiseSettings()

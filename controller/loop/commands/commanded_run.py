@@ -102,6 +102,8 @@ class CommandedRun:
                 self._deck.jump(phase)
             case commands.SetInput(name=name, value=value):
                 self._deck.set_input(name, value)
+            case commands.Layer(group=group, to=to, weight=weight, tempo=tempo):
+                self._deck.layer(group, to, weight, tempo)
             case commands.GiveBeat(ago=ago):
                 self._deck.beat(ago)
             case commands.LockPhase(source=source, phase=phase, steps=steps):

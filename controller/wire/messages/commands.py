@@ -76,6 +76,16 @@ class SetInput(CommandMessage, frozen=True, tag="input"):
     value: Annotated[float, arg.Number("VALUE", -1000.0, 1000.0)]
 
 
+class Layer(CommandMessage, frozen=True, tag="layer"):
+    """Play a motion on a GROUP of joints alone, with a WEIGHT from 0 to 1 and a TEMPO; off: end it, or all layers."""
+
+    row = CommandRow(("timed", "cue", "script"), record=23)
+    group: Annotated[str, arg.Text("GROUP", "the name of a group of joints, or off")]
+    to: Annotated[str, arg.Text("MOTION", "the name of a motion, or off")] = "off"
+    weight: Annotated[float, arg.PART] = 1.0
+    tempo: Annotated[float, arg.Number("TEMPO", 0.0, 3.0)] = 1.0  # times that of the deck
+
+
 class Jump(CommandMessage, frozen=True, tag="jump"):
     """Go to a phase (0 to 1) of the present motion, by a transition."""
 
@@ -261,7 +271,7 @@ class AtTime(CommandMessage, frozen=True, tag="at"):
         self.say.check()
 
 
-_OfMotions = Switch | Queue | Blend | SetTempo | SetInput | Jump | GiveBeat | LockPhase | Unlock
+_OfMotions = Switch | Queue | Blend | SetTempo | SetInput | Layer | Jump | GiveBeat | LockPhase | Unlock
 _OfTheRun = Pause | StepOn | Resume | Home | EmergencyStop | Reset | Heartbeat | AlignTicks | AtTime
 _Questions = Subscribe | GetStatus | GetPhase
 _OfServos = ServoTorque | RestartServo | ReadRegisters | WriteRegister | ScanPorts

@@ -65,7 +65,7 @@ _NO_HEALTH = TickHealth()
 
 
 class DeckSnapshot(msgspec.Struct, frozen=True, kw_only=True):
-    """A run at one tick. Numbers, names and tuples of both go to page and recorder; `inputs` and texts do not."""
+    """A run at one tick. Numbers, names and tuples of both go to page and recorder; other fields do not."""
 
     motion: Motion  # the motion that is played or being switched to
     playing: Motion = ""  # the motion that is played now, perhaps on the way to `motion`
@@ -78,6 +78,7 @@ class DeckSnapshot(msgspec.Struct, frozen=True, kw_only=True):
     commanded_tempo: float = 1.0
     phase: float | None = None  # how far the motion is, from 0 to 1; None if the network runs by itself
     inputs: dict[str, float] = {}  # the present values of the inputs that motions have besides the phase
+    layers: dict[str, str] = {}  # the motion of each group of joints that has a layer
     lock: LockState | None = None  # what the phase is locked to, if it is
     paused: bool = False
     switching: bool = False
@@ -128,6 +129,8 @@ class DeckState(Protocol):
     def phase(self) -> float | None: ...
     @property
     def inputs(self) -> dict[str, float]: ...
+    @property
+    def layered(self) -> dict[str, str]: ...
     @property
     def lock_state(self) -> LockState | None: ...
     @property
@@ -203,6 +206,7 @@ class SnapshotSource:
             commanded_tempo=deck.commanded_tempo,
             phase=deck.phase,
             inputs=deck.inputs,
+            layers=deck.layered,
             lock=deck.lock_state,
             paused=deck.paused,
             switching=not deck.settled,

@@ -18,6 +18,7 @@ EventKind = Literal[
     "recognized",  # it looks like another motion than before
     "fault",  # of an output or the deck
     "servo",  # something was done with a servo, or one is back
+    "layer",  # layers were commanded
     "push",  # the simulated robot was pushed
     "fell",
     "stands",  # it stands again

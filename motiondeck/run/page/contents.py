@@ -124,6 +124,7 @@ class PageContents:
             has_network=library is not None and (deck.activation is not None or deck.phase is not None),
             library_file=library,
             learn=[sys.executable, "-P", "-m", "motiondeck.run.page.learning"] if self.learns and library else [],
+            groups=[*self.robots[0].groups] if not self.robots[0].why_no_layers else [],
             human=human,
             walks=self.simulations[0].root != "fixed",
             weight=GRAVITY * float(robot.model.body_mass.sum()) if standing else None,

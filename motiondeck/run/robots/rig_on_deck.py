@@ -72,6 +72,7 @@ class RigAlone(NamedTuple):
     rest: Array | None  # where the joints end, shape (J,), rad, or None for where they stop
     rig: Channel
     figure: RigFigure
+    groups: dict[str, tuple[str, ...]]  # joints that layers play on
 
 
 def open_rig_alone(opening: ExitStack, spec: RunSpec, file: Path, source: Clip | MotionLibrary) -> RigAlone:
@@ -80,6 +81,9 @@ def open_rig_alone(opening: ExitStack, spec: RunSpec, file: Path, source: Clip |
     Joints that were not taught stay where they are. MotiondeckError if an option or the source does not fit a rig
     (before anything is switched on), or it cannot be connected.
     """
+    from sim.models.rig_figure import groups_of
+    from sim.robots.joint_groups import named_groups
+
     for name in _SIMULATED:
         if getattr(spec, name) != getattr(RunSpec(), name):
             flag = options()[name].flag or f"--{name.replace('_', '-')}"
@@ -95,7 +99,9 @@ def open_rig_alone(opening: ExitStack, spec: RunSpec, file: Path, source: Clip |
     limits, rest = robot.limits, None
     if isinstance(source, Clip):
         rest = np.clip(_targets(source, retarget)[-1], limits.lower, limits.upper)
-    return RigAlone(replace(robot, retarget=retarget), rest, channel, RigFigure(robot, output))
+    words = {word: tuple(joints) for word, joints in groups_of(robot.joints).items()}
+    groups = words | named_groups(str(file), robot.joints, output.config.groups)
+    return RigAlone(replace(robot, retarget=retarget), rest, channel, RigFigure(robot, output), groups)
 
 
 def robot_of(file: Path, skeleton: Skeleton) -> Robot:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from copy import deepcopy
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
@@ -71,6 +72,21 @@ class RobotOnDeck:
     simulation: Simulation  # of a rig alone its figure
     prefix: str = ""  # goes before the names of its joints and outputs
     guard: CollisionGuard | None = None  # keeps its limbs apart, if that is wanted
+    groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict[str, tuple[str, ...]])  # that layers play on
+
+    @property
+    def why_no_layers(self) -> str:
+        """Why layers are refused, or ""."""
+        if self.simulation.root == "free":
+            return "a layer would move the weight of a robot on its own feet, which nothing plans for: no layers here"
+        if self.guard is not None:
+            return "limbs are kept apart in one motion, not in layers over it: leave --check-collisions"
+        return ""
+
+    def twin(self) -> Retargeter:
+        """A copy of its retargeter as it is now; both share the model."""
+        model = self.simulation.robot.model
+        return deepcopy(self.retarget, {id(model): model})
 
     @property
     def joints(self) -> list[str]:
@@ -137,12 +153,12 @@ def open_robot(opening: ExitStack, spec: RunSpec, source: MotionLibrary | Clip, 
 
         alone = open_rig_alone(opening, spec, find_rig(spec.rig_named), source)
         simulation, robot = Simulation(alone.robot, alone.figure, "fixed", False, False), alone.robot
-        return RobotOnDeck(
-            robot.name, robot.joints, robot.limits, alone.rest, robot.retarget, alone.rig, simulation, prefix
-        )
-    from sim.models.robot_file import solver_named
+        own = robot.joints, robot.limits, alone.rest, robot.retarget, alone.rig
+        return RobotOnDeck(robot.name, *own, simulation, prefix, groups=alone.groups)
+    from sim.models.robot_file import read_robot_file, solver_named
     from sim.physics.kinematic_playback import KinematicPlayback
     from sim.physics.playback import PhysicsPlayback
+    from sim.robots.joint_groups import joint_groups
     from sim.robots.robot import load_robot
     from sim.robots.self_collision import CollisionGuard
 
@@ -171,7 +187,8 @@ def open_robot(opening: ExitStack, spec: RunSpec, source: MotionLibrary | Clip, 
     apart = CollisionGuard(replace(robot, limits=limits), dt) if spec.check_collisions else None
     retarget = apart or robot.retarget
     simulation = Simulation(robot, stage, spec.root, spec.balance, spec.walk)
-    return RobotOnDeck(robot.name, robot.joints, limits, robot.rest, retarget, rig, simulation, prefix, apart)
+    groups = joint_groups(robot, read_robot_file(file), source.skeleton)
+    return RobotOnDeck(robot.name, robot.joints, limits, robot.rest, retarget, rig, simulation, prefix, apart, groups)
 
 
 def robot_files(spec: RunSpec) -> tuple[Path, Path | None]:

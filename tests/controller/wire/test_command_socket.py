@@ -77,6 +77,7 @@ class TinyDeck:
     events: deque = field(default_factory=deque)
     phase: float | None = None
     inputs: dict[str, float] = field(default_factory=dict)
+    layered: dict[str, str] = field(default_factory=dict)
     lock_state: LockState | None = None
     beats: list[float] = field(default_factory=list)
     phase_at: float | None = None
@@ -122,6 +123,9 @@ class TinyDeck:
         if name != "speed":
             raise MotiondeckError(f"unknown input '{name}'")
         self.inputs[name] = value
+
+    def layer(self, group, motion, weight=1.0, tempo=1.0):
+        self.layered[group] = f"{motion} {weight:g} {tempo:g}"
 
     def jump(self, phase):
         if self.phase is None:
@@ -229,6 +233,8 @@ def test_an_input_arrives_and_the_state_says_it(stage):
     assert stage.ask(GetStatus()).inputs == {"speed": 1.4}
     assert "unknown input 'mood'" in stage.ask(SetInput("mood", 1.0)).reason
     assert parse_command(["input", "speed", "0.7"]) == SetInput("speed", 0.7)
+    assert isinstance(stage.ask(parse_command(["layer", "jaw", "talk", "0.8"])), Accepted)
+    assert stage.ask(GetStatus()).layers == {"jaw": "talk 0.8 1"}
     with pytest.raises(CommandError, match="input: VALUE must be a number"):
         parse_command(["input", "speed", "fast"])
 

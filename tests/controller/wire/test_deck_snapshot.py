@@ -67,6 +67,6 @@ def test_a_status_reply_is_the_snapshot_with_all_motions():
     assert (sent.motions, sent.id, sent.seen) == (["walk", "jog"], 5, ("wave", 0.5))
 
 
-def test_every_value_but_texts_and_inputs_is_sent_as_numbers():
+def test_every_value_but_texts_inputs_and_layers_is_sent_as_numbers():
     sent = {name for name in DeckSnapshot.__struct_fields__ if any(f.startswith(name) for f in NUMBERS.sizes)}
-    assert set(DeckSnapshot.__struct_fields__) - sent == {"fell_back", "inputs"}
+    assert set(DeckSnapshot.__struct_fields__) - sent == {"fell_back", "inputs", "layers"}

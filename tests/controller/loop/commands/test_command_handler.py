@@ -48,7 +48,8 @@ class Deck:
 
     def __init__(self):
         self.time, self.events, self.paused, self.motion = 1.5, deque(), False, "walk"
-        self.motions, self.tempo, self.settled, self.queue, self.inputs = ["walk"], 1.0, True, [], {}
+        self.motions, self.tempo, self.settled, self.queue = ["walk"], 1.0, True, []
+        self.inputs = self.layered = {}
         self.phase = self.lock_state = None
         self.blend = ()
         self.fell_back, self.playing, self.way = "", "walk", []
@@ -501,7 +502,7 @@ class FailingParts(Deck):
     def fail(self, *_, **__):
         raise self.error
 
-    switch = enqueue = blend_in = set_tempo = set_input = lock = unlock = beat = jump = fail
+    switch = enqueue = blend_in = set_tempo = set_input = layer = lock = unlock = beat = jump = fail
     step_on = resume = restart = registers = scan = push_from = due = align = fail
 
 
