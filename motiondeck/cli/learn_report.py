@@ -47,18 +47,14 @@ def report_recipe(
 ) -> None:
     """Reports a trained recipe; `taught` is the recipe that was written for clips taught by hand."""
     closeness = _compare(library, training_set, recipe.network.anchor_every)
-    learned = _learned_parts(recipe, training_set) if taught else None
     worst = worst_join(library)
     if as_json:
         fields = report(library) | {"beside_the_recording": closeness, "written": str(written) if written else None}
         fields |= {"learned_from": {name: part_fields(part) for name, part in training_set.parts.items()}}
-        fields |= {"learned": learned} if learned is not None else {}
         print(json.dumps(fields | {"worst_join": join_fields(worst)} | _judged(judge)))
         return
     print_table(library)
-    _print_closeness(library, training_set.parts if learned is None else {}, closeness)
-    for part in learned or ():
-        print(_described(part))
+    _print_closeness(library, training_set.parts, closeness)
     if worst is not None:
         print(join_line(worst))
     if written:
@@ -130,29 +126,6 @@ def _print_closeness(library: MotionLibrary, parts: dict[str, LearnedPart], rows
         for row in cells:
             row[1:1] = [part_of(parts[row[0]]), seam_of(parts[row[0]])]
     show_table(headings, cells, title="anchors beside the frames that were trained, seen from the root")
-
-
-def _learned_parts(plan: LibraryRecipe, training_set: TrainingSet) -> list[dict[str, Any]]:
-    """The learned part of each taught clip, s: of a loop the part with the best seam, of a one-shot all of it."""
-    rows: list[dict[str, Any]] = []
-    for motion in plan.motions:
-        part = training_set.parts[motion.name]
-        row = {"motion": motion.name, "plays": motion.plays, "takes": 1 + len(motion.takes)}
-        rows.append(row | {"from": part.first, "to": part.end, "recorded": part.recorded})
-    return rows
-
-
-def _described(row: dict[str, Any]) -> str:
-    if row["takes"] > 1:
-        of = f"{row['takes']} takes, averaged"
-    else:
-        of = f"{row['from']:.1f} to {row['to']:.1f} s of {row['recorded']:.1f} s"
-    if row["plays"] == "once":
-        return f"{row['motion']}: once, {of}; it comes to rest in its last pose"
-    left_out = row["takes"] == 1 and row["to"] - row["from"] < row["recorded"] - 0.1
-    return f"{row['motion']}: a loop of {row['to'] - row['from']:.1f} s, {of}" + (
-        "; loop_keeps = 1.0 in the recipe learns all of it" if left_out else ""
-    )
 
 
 def _rows(learned: LearnedLibrary) -> list[dict[str, Any]]:

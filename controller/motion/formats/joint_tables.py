@@ -6,7 +6,8 @@
 
 A column is named as its joint, with the unit behind: _deg or _rad; the unit of others is that of the options. Comments
 above the heading, or arrays, say how the motion `plays` (without it that is found out) and its `rate` (`fps`), which
-the times tell too. It is written in rad, rounded to a picoradian, so that what is read and written again is the same.
+the times tell too. Of a table of `JointMotion`, in rad, the root is left out. It is written in rad, rounded to a
+picoradian, so that what is read and written again is the same.
 """
 
 import io
@@ -20,15 +21,16 @@ from controller.motion.clip import Clip, Plays
 from controller.motion.file_format import Format
 from controller.motion.formats.npz_arrays import NpzArrays, npz_names
 from controller.motion.formats.positions import is_table
-from controller.motion.formats.tables import TIMES, even_times, first_row, is_row, numbers, separator_of, words_of
+from controller.motion.formats.tables import TIMES, even_times, first_row, heading, numbers
 from controller.motion.formats.taught_clip import rounded, taught_clip
 from controller.motion.reading_options import AS_FOUND, UNITS, ReadingOptions
 from controller.motion.rotations import Array
 from motiondeck_base.errors import FileFormatError
-from motiondeck_base.files import Line, as_float, read_lines, write_file
+from motiondeck_base.files import Line, as_float, write_file
 
 _LARGEST = 1e6
 _NO_COLUMN = ("plays", "fps")
+_ROOT = [f"root_{name}" for name in ("x", "y", "z", "qw", "qx", "qy", "qz")]
 
 
 def read_joint_table(path: str | Path, options: ReadingOptions = AS_FOUND) -> Clip:
@@ -59,14 +61,14 @@ _Columns = tuple[_Wrong, list[Line], list[str], Array, dict[str, str]]
 
 
 def _lines(path: str | Path) -> _Columns:
-    every = [(number, text) for number, text in enumerate(read_lines(path), 1) if text.strip()]
-    texts = [(number, text) for number, text in every if is_row(text)]
-    said = [text.strip("# \t").partition("=") for number, text in every if number < texts[0][0]]
-    separator = separator_of(texts[0][1])
-    head = Line(path, texts[0][0], words_of(texts[0][1], separator))
-    table = numbers(path, texts[1:], len(head.words), separator, _LARGEST)
-    lines = [Line(path, number, []) for number, _ in texts[1:]]
-    return head.error, lines, head.words[1:], table, {key.strip(): value.strip() for key, _, value in said}
+    head, rows, separator, comments = heading(path)
+    table = numbers(path, rows, len(head.words), separator, _LARGEST)
+    said = [text.strip("# \t").partition("=") for text in comments]
+    notes, columns = {key.strip(): value.strip() for key, _, value in said}, head.words[1:]
+    if columns[: len(_ROOT)] == _ROOT:
+        columns = [f"{joint}_rad" for joint in columns[len(_ROOT) :]]
+        table = np.delete(table, np.arange(1, 1 + len(_ROOT)), axis=1)
+    return head.error, [Line(path, number, []) for number, _ in rows], columns, table, notes
 
 
 def _arrays(path: str | Path) -> _Columns:
@@ -117,9 +119,9 @@ def _is_joint_table(path: Path) -> bool:
         names = {name.lower() for name in npz_names(path)}
         return bool(names & set(TIMES)) and any(name.endswith(("_deg", "_rad")) for name in names)
     heads = [head.lower() for head in first_row(path)]
-    if len(heads) < 2 or heads[0] not in TIMES or heads[1].startswith("root"):
+    if len(heads) < 2 or heads[0] not in TIMES:
         return False
-    return any(head.endswith(("_deg", "_rad")) for head in heads) or not is_table(path)
+    return any(head.endswith(("_deg", "_rad")) for head in heads) or _ROOT[-1] in heads or not is_table(path)
 
 
 FORMAT = Format(suffixes=(".csv", ".npz"), read=read_joint_table, matches=_is_joint_table)

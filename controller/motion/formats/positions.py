@@ -22,7 +22,7 @@ import numpy as np
 from controller.motion.clip import Clip
 from controller.motion.file_format import Format
 from controller.motion.formats.markers.joint_points import joint_points, turned_over
-from controller.motion.formats.tables import TIMES, even_times, first_row, is_row, numbers, separator_of, words_of
+from controller.motion.formats.tables import TIMES, even_times, first_row, heading, numbers
 from controller.motion.markers import Markers, unit_of_size
 from controller.motion.orientation import orient
 from controller.motion.reading_options import AS_FOUND, ReadingOptions
@@ -30,7 +30,7 @@ from controller.motion.rest_pose import RecordedBody, rest_skeleton
 from controller.motion.rotations import Array, continuous, normalise
 from controller.motion.skeleton import Skeleton
 from motiondeck_base.errors import FileFormatError
-from motiondeck_base.files import Line, read_lines
+from motiondeck_base.files import Line
 
 MOST_COLUMNS = 3000
 COMPARED = 400  # frames in which distances are compared
@@ -78,11 +78,7 @@ def is_table(path: Path) -> bool:
 
 def _table(path: str | Path) -> tuple[tuple[str, ...], float, Array, bool]:
     """Names, rate, Hz, positions (T, N, 3), NaN where a cell is empty, and whether `writing` names columns so."""
-    texts = [(number, text) for number, text in enumerate(read_lines(path), 1) if is_row(text)]
-    if not texts:
-        raise FileFormatError(f"{path}: there is nothing in it. Write it again.")
-    separator = separator_of(texts[0][1])
-    head, rows = Line(path, texts[0][0], words_of(texts[0][1], separator)), texts[1:]
+    head, rows, separator, _ = heading(path)
     columns = head.words
     if columns[0].lower() not in TIMES or len(columns) < 4 or len(columns) % 3 != 1 or len(columns) > MOST_COLUMNS:
         raise head.error(

@@ -2,7 +2,6 @@
 
     .csv without a heading   root x y z, quaternion x y z w, joints: Unitree's LAFAN1 set and GMR's tables; 30 Hz
     .csv of BONES-SEED       Frame, root_translateX ... root_rotateZ, NAME_dof ...: cm and degrees; 120 Hz
-    .csv of `JointMotion`    time, root_x ... root_qz, joints
     .npz                     fps, and joint_pos (ours, mjlab's), dof_pos (GMR's pickles as arrays) or MuJoCo's qpos
 
 Angles are in rad but for BONES-SEED's. The take is of the joints alone: the root's path is left out. Their names are
@@ -18,7 +17,7 @@ import numpy as np
 from controller.motion.clip import Clip
 from controller.motion.file_format import Format
 from controller.motion.formats.npz_arrays import NpzArrays, npz_names
-from controller.motion.formats.tables import even_times, first_row, is_row, numbers, separator_of, words_of
+from controller.motion.formats.tables import first_row, heading, numbers
 from controller.motion.formats.taught_clip import taught_clip
 from controller.motion.reading_options import AS_FOUND, ReadingOptions
 from controller.motion.rotations import Array, conjugate, rotate
@@ -32,7 +31,6 @@ _LEAST_COLUMNS = _ROOT + 3  # of a table without a heading
 _UNITREE_RATE, _SEED_RATE = 30.0, 120.0  # Hz
 _LARGEST = 1e6
 _SEED = ("frame", *(f"root_{kind}{axis}" for kind in ("translate", "rotate") for axis in "xyz"))
-_OURS = ("time", *(f"root_{name}" for name in ("x", "y", "z", "qw", "qx", "qy", "qz")))
 _ARRAYS = ("joint_pos", "dof_pos", "qpos")
 _LEG = "hip_pitch hip_roll hip_yaw knee ankle_pitch ankle_roll"
 _ARM = "shoulder_pitch shoulder_roll shoulder_yaw elbow wrist_roll wrist_pitch wrist_yaw"
@@ -96,22 +94,16 @@ def _breadth_first(arrays: NpzArrays) -> bool:
 
 
 def _table(path: str | Path) -> tuple[list[str] | None, float, Array]:
-    texts = [(number, text) for number, text in enumerate(read_lines(path), 1) if is_row(text)]
-    separator = separator_of(texts[0][1]) if texts else ","
-    heads = words_of(texts[0][1], separator) if texts else []
-    lower = tuple(head.lower() for head in heads)
+    head, rows, separator, _ = heading(path)
+    heads = head.words
+    lower = tuple(word.lower() for word in heads)
     if lower[: len(_SEED)] == _SEED:
-        table = numbers(path, texts[1:], len(heads), separator, _LARGEST)
+        table = numbers(path, rows, len(heads), separator, _LARGEST)
         if skipped := next((at for at, (one, other) in enumerate(pairwise(table[:, 0])) if other - one != 1.0), None):
-            raise Line(path, texts[skipped + 2][0], []).error("frames are missing before this one. Fetch it again.")
+            raise Line(path, rows[skipped + 1][0], []).error("frames are missing before this one. Fetch it again.")
         joints = [head.removesuffix("_dof") for head in heads[len(_SEED) :]]
         return joints, _SEED_RATE, np.radians(table[:, len(_SEED) :])
-    if lower[: len(_OURS)] == _OURS:
-        table = numbers(path, texts[1:], len(heads), separator)
-        lines = [Line(path, number, []) for number, _ in texts[1:]]
-        rate, angles = even_times(table[:, 0], table[:, len(_OURS) :], lines)
-        return heads[len(_OURS) :], rate, angles
-    return None, _UNITREE_RATE, numbers(path, texts, len(heads), separator)
+    return None, _UNITREE_RATE, numbers(path, [(head.number, separator.join(heads)), *rows], len(heads), separator)
 
 
 def _listed(path: Path) -> list[str]:
@@ -129,7 +121,7 @@ def _is_robots(path: Path) -> bool:
     if path.suffix.lower() == ".npz":
         return any(name in npz_names(path) for name in _ARRAYS)
     heads = [head.lower() for head in first_row(path)]
-    if tuple(heads[: len(_SEED)]) == _SEED or tuple(heads[: len(_OURS)]) == _OURS:
+    if tuple(heads[: len(_SEED)]) == _SEED:
         return True
     return len(heads) >= _LEAST_COLUMNS and all(as_float(head) is not None for head in heads)
 

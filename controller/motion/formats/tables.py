@@ -9,7 +9,7 @@ import numpy as np
 from controller.motion.markers import FARTHEST
 from controller.motion.rotations import Array
 from motiondeck_base.errors import FileFormatError
-from motiondeck_base.files import Line, as_float, no_number
+from motiondeck_base.files import Line, as_float, no_number, read_lines
 
 MOST_NUMBERS = 30_000_000
 LONGEST_GAP = 0.5  # s without a frame
@@ -30,6 +30,19 @@ def separator_of(text: str) -> str:
 def words_of(text: str, separator: str) -> list[str]:
     """The columns of a line without blanks and quotes."""
     return [word.strip().strip("\"'").strip() for word in text.split(separator)]
+
+
+def heading(path: str | Path) -> tuple[Line, list[tuple[int, str]], str, list[str]]:
+    """The first line of a table, its rows with their numbers, the separator, and the comments before the first line.
+
+    FileFormatError if there is none.
+    """
+    every = read_lines(path)
+    texts = [(number, text) for number, text in enumerate(every, 1) if is_row(text)]
+    if not texts:
+        raise FileFormatError(f"{path}: there is nothing in it. Write it again.")
+    number, separator = texts[0][0], separator_of(texts[0][1])
+    return Line(path, number, words_of(texts[0][1], separator)), texts[1:], separator, every[: number - 1]
 
 
 def first_row(path: Path) -> list[str]:

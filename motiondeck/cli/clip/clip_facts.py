@@ -2,7 +2,7 @@
 
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any, TypedDict
+from typing import Any
 
 import numpy as np
 
@@ -20,44 +20,6 @@ from motiondeck_base.errors import FileFormatError
 LIMBS: tuple[Part, ...] = ("thigh", "shank", "foot", "upper arm", "forearm", "hand")
 
 
-class Gaps(TypedDict):
-    """Gaps of markers (share, frames) and residuals of the fitted skeleton (mm)."""
-
-    markers: int
-    seen: float
-    longest_gap: int
-    longest_gap_marker: str
-    residual_rms_mm: float
-    residual_p95_mm: float
-    residual_max_mm: float
-
-
-class Facts(TypedDict):
-    """Statistics of a clip: m, s, Hz, m/s; extents and heights are lowest and highest."""
-
-    name: str
-    source: str
-    skeleton: str
-    bones: int
-    lacks: list[str]
-    taken_for: dict[str, str]
-    doubts: list[str]
-    decisions: list[dict[str, Any]]
-    leg: float
-    frames: int
-    rate: float
-    duration: float
-    x: list[float]
-    y: list[float]
-    z: list[float]
-    root_height: list[float]
-    path: float
-    median_speed: float
-    fastest_joint: str
-    fastest_speed: float
-    gaps: Gaps | None
-
-
 def joint_facts(clip: Clip) -> dict[str, Any]:
     """The statistics of a clip of a rig's joints: s, Hz; for each joint its range, rad, and largest speed, rad/s."""
     angles = angles_of(clip.rotation[:, 1:])
@@ -68,8 +30,8 @@ def joint_facts(clip: Clip) -> dict[str, Any]:
     return known | {"duration": clip.duration, "joints": dict(zip(clip.skeleton.bones, joints, strict=True))}
 
 
-def facts(recording: FittedClip) -> Facts:
-    """The statistics of a recording."""
+def facts(recording: FittedClip) -> dict[str, Any]:
+    """The statistics of a recording: m, s, Hz, m/s; extents and heights are lowest and highest."""
     clip = recording.clip
     joints = clip.joints()
     x, y, z = np.stack([joints.min(axis=(0, 1)), joints.max(axis=(0, 1))], axis=1).tolist()
@@ -80,29 +42,29 @@ def facts(recording: FittedClip) -> Facts:
     human = all(parts.first("thigh", side) is not None for side in SIDES)
     missing = [f"{side} {part}" for part in LIMBS for side in SIDES if parts.first(part, side) is None]
     decisions, doubtful = decided_of(recording)
-    return Facts(
-        name=clip.name,
-        source=clip.source,
-        skeleton=clip.skeleton.name,
-        bones=len(clip.skeleton),
-        lacks=missing + ([] if parts.first("head") is not None else ["head"]),
-        taken_for=recorded_parts(clip) if human else {},
-        doubts=doubtful,
-        decisions=[asdict(decision) for decision in decisions],
-        leg=clip.skeleton.leg_length,
-        frames=len(clip),
-        rate=clip.rate,
-        duration=clip.duration,
-        x=x,
-        y=y,
-        z=z,
-        root_height=[float(clip.root_position[:, 2].min()), float(clip.root_position[:, 2].max())],
-        path=float(step.sum()),
-        median_speed=float(np.median(step) * clip.rate) if len(step) else 0.0,
-        fastest_joint=("root", *clip.skeleton.bones)[fastest],
-        fastest_speed=float(speed.max()) if len(clip) > 1 else 0.0,
-        gaps=None if recording.fit is None else gaps(recording.fit),
-    )
+    return {
+        "name": clip.name,
+        "source": clip.source,
+        "skeleton": clip.skeleton.name,
+        "bones": len(clip.skeleton),
+        "lacks": missing + ([] if parts.first("head") is not None else ["head"]),
+        "taken_for": recorded_parts(clip) if human else {},
+        "doubts": doubtful,
+        "decisions": [asdict(decision) for decision in decisions],
+        "leg": clip.skeleton.leg_length,
+        "frames": len(clip),
+        "rate": clip.rate,
+        "duration": clip.duration,
+        "x": x,
+        "y": y,
+        "z": z,
+        "root_height": [float(clip.root_position[:, 2].min()), float(clip.root_position[:, 2].max())],
+        "path": float(step.sum()),
+        "median_speed": float(np.median(step) * clip.rate) if len(step) else 0.0,
+        "fastest_joint": ("root", *clip.skeleton.bones)[fastest],
+        "fastest_speed": float(speed.max()) if len(clip) > 1 else 0.0,
+        "gaps": None if recording.fit is None else gaps(recording.fit),
+    }
 
 
 def decided_of(recording: FittedClip) -> tuple[list[Decision], list[str]]:
@@ -119,18 +81,18 @@ def decided_of(recording: FittedClip) -> tuple[list[Decision], list[str]]:
     return decisions, list(dict.fromkeys(doubt for motion in motions for doubt in motion.doubts))
 
 
-def gaps(fit: Fit) -> Gaps:
-    """The gaps and residuals of the markers of a fit."""
+def gaps(fit: Fit) -> dict[str, Any]:
+    """The gaps of the markers of a fit (share, frames) and their residuals (mm)."""
     unseen = np.isnan(fit.residual)
     longest = [max((end - first for first, end in runs(one)), default=0) for one in unseen.T]
     worst = int(np.argmax(longest))
     off = 1000.0 * fit.residual[~unseen]
-    return Gaps(
-        markers=len(fit.markers),
-        seen=float(1.0 - unseen.mean()),
-        longest_gap=longest[worst],
-        longest_gap_marker=fit.markers[worst] if longest[worst] else "",
-        residual_rms_mm=float(np.sqrt(np.mean(off**2))),
-        residual_p95_mm=float(np.percentile(off, 95.0)),
-        residual_max_mm=float(off.max()),
-    )
+    return {
+        "markers": len(fit.markers),
+        "seen": float(1.0 - unseen.mean()),
+        "longest_gap": longest[worst],
+        "longest_gap_marker": fit.markers[worst] if longest[worst] else "",
+        "residual_rms_mm": float(np.sqrt(np.mean(off**2))),
+        "residual_p95_mm": float(np.percentile(off, 95.0)),
+        "residual_max_mm": float(off.max()),
+    }

@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from controller.motion.formats.reading import FittedClip
     from controller.motion.markers import Markers
     from controller.motion.reading_options import ReadingOptions
-    from motiondeck.cli.clip.clip_facts import Facts
 
 app = typer.Typer(help="Show, convert, draw and view recordings and joint motions.", no_args_is_help=True)
 
@@ -240,7 +239,7 @@ def _print_joints(known: dict[str, Any]) -> None:
     show_facts(rows)
 
 
-def _print(known: Facts) -> None:
+def _print(known: dict[str, Any]) -> None:
     from controller.motion.decision import Decision
     from motiondeck.cli.common.tables import show_facts
 

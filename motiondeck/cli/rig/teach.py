@@ -66,6 +66,7 @@ def teach(
     # Slow to import: done before a joint has to be held.
     import controller.learning.recipe  # noqa: F401
     import hardware.tools.teaching  # noqa: F401
+    from hardware.tools.loose_joints import loosen
 
     session = _Session(load(rig), rig, None if once is None else "once" if once else "loop", trim, as_json, LineInput())
     folder = out.is_dir() or not out.suffix
@@ -82,7 +83,10 @@ def teach(
     with ExitStack() as opened:
         opened.enter_context(ended_by_sigterm())
         parts = opened.enter_context(open_buses(session.config, port))
-        session.loosen(parts, asking=seconds is None)
+        if seconds is None:
+            session.typed.ask("The torque goes off: hold what would fall, then press Enter ")
+        for part, bus in parts:
+            loosen(part, bus)
         if seconds is not None:
             session.record_once(parts, out, seconds)
         elif folder:
@@ -130,15 +134,6 @@ class _Session:
     typed: LineInput
     written: list[dict[str, object]] = field(default_factory=list)
     cut_short: str = ""
-
-    def loosen(self, parts: list[tuple[RigConfig, Bus]], asking: bool) -> None:
-        """Switches the torque off."""
-        from hardware.tools.loose_joints import loosen
-
-        if asking:
-            self.typed.ask("The torque goes off: hold what would fall, then press Enter ")
-        for part, bus in parts:
-            loosen(part, bus)
 
     def record_once(self, parts: list[tuple[RigConfig, Bus]], out: Path, seconds: float) -> None:
         """Records for some seconds and saves the recording, even if it is cut short."""

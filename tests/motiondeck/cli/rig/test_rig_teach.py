@@ -233,8 +233,8 @@ def test_taught_clips_are_learned_with_a_recipe_that_can_be_edited(tmp_path):
     result = invoked("learn", str(clip), "--out", str(library), "--json")
     assert result.exit_code == 0, result.output
     said = json.loads(result.stdout)
-    assert said["learned"][0]["plays"] == "loop"
-    assert said["learned"][0]["to"] < 4.9
+    assert said["motions"][0]["plays"] == "loop"
+    assert said["learned_from"]["wave"]["to_s"] < 4.9
     assert "exists already" in str(invoked("learn", str(clip), "--out", str(library)).exception)
     recipe.write_text("loop_keeps = 1.0\n" + recipe.read_text())
     again = json.loads(invoked("learn", str(recipe), "--out", str(library), "--force", "--json").stdout)
