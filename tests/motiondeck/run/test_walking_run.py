@@ -42,7 +42,7 @@ def test_the_report_tells_how_far_it_walked():
 
 @pytest.mark.thorough
 def test_servo20_keeps_on_its_feet_as_play_plays_a_walk():
-    # With a trunk that sways as the human's chest does, it fell after 6 s, and after 12.4 s with wider bounds than now.
+    # Without its ankles' share (`ankle = 0`) it falls after 6 s.
     output = report_of("walk", 15.0, walk=True)["outputs"][0]
     assert (output["fell_s"], output["near_falls_s"], output["own_steps"]) == (None, [], 0)
     assert 0.6 < output["travel"]["walked_m"] / output["travel"]["asked_m"] < 1.1
