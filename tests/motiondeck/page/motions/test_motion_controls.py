@@ -34,7 +34,8 @@ def test_every_motion_has_a_picture_of_its_own(thesis15):
 
 def test_loops_blend_with_loops_that_lie_near(thesis15):
     walk = blends_of(thesis15.network.motions, Routes.of(thesis15))["walk"]
-    assert {walk.others[-1], *walk.others[:2]} >= {"slow-walk", "jog"}  # side by side on the pad
+    gap = abs(walk.others.index("slow-walk") - walk.others.index("jog"))
+    assert gap in (1, len(walk.others) - 1)  # side by side on the pad, which is round
     assert walk.apart == [""] * len(walk.others)
     assert {*walk.refused} == {"crawl", "sitting"}  # they are reached by way of others
     assert "getdown lies between" in walk.refused["crawl"]
