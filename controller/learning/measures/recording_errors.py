@@ -19,6 +19,7 @@ from controller.library.motion_library import MotionLibrary
 from controller.library.recording_error import Errors, RecordingError
 from controller.motion.canonical.canonical_body import CANONICAL_BONES, carried, landmark_places, to_canonical
 from controller.motion.clip import Clip
+from controller.motion.markers import runs
 from controller.motion.posture import walked_clip
 from controller.motion.rotations import Array, normalise
 from controller.motion.skeleton import Skeleton
@@ -190,8 +191,7 @@ def _feet(played: Array, wanted: Array, recorded: RecordedPart) -> dict[str, flo
         track = wanted[:, foot]
         slow = np.linalg.norm(np.gradient(track, step, axis=0), axis=-1) < STANDS
         stands = slow & in_time & (track[:, 2] < np.quantile(track[:, 2], 0.05) + NEAR_GROUND)
-        edges = np.flatnonzero(np.diff(stands.astype(int), prepend=0, append=0))
-        for start, end in zip(edges[::2], edges[1::2], strict=True):
+        for start, end in runs(stands):
             if (end - start) * step < STANDS_FOR:
                 continue
             heights.append(1000.0 * (played[start:end, foot, 2] - track[start:end, 2]))
