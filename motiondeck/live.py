@@ -193,7 +193,6 @@ class LiveDeck(DeckCommands[CommandedMotion]):
 
 
 def _events_of(client: CommandClient) -> Iterator[DeckEvent]:
-    """The events that a client receives, until the deck has ended."""
     with contextlib.closing(client), contextlib.suppress(SocketError):
         while True:
             event = client.receive(_CHECK_EVERY)

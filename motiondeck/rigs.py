@@ -111,7 +111,6 @@ class Rig:
             self.wait(seconds / steps)
 
     def _targets(self, angles: ArrayLike | Mapping[str, float]) -> Array:
-        """Targets of all joints, within their limits."""
         if not isinstance(angles, Mapping):
             targets = np.array(angles, dtype=np.float64)
             if targets.shape != (len(self.joints),):

@@ -1,7 +1,5 @@
 """The errors that a user can cause: one clear line each, with the place and the remedy."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Self
@@ -32,7 +30,7 @@ class FileFormatError(MotiondeckError):
     """A file that does not follow its format; the message names the file and the place."""
 
     @classmethod
-    def listing(cls, place: str, problems: Sequence[str]) -> FileFormatError:
+    def listing(cls, place: str, problems: Sequence[str]) -> Self:
         """The error for several problems of one file: one line each, and each begins with `place`."""
         return cls("\n".join(f"{place}: {problem}" for problem in problems))
 
@@ -41,7 +39,7 @@ class UnknownNameError(MotiondeckError):
     """A name that does not exist; the message offers the nearest ones."""
 
     @classmethod
-    def among(cls, kind: str, name: str, known: Iterable[str]) -> UnknownNameError:
+    def among(cls, kind: str, name: str, known: Iterable[str]) -> Self:
         """The error for `name`, which is no known `kind`, with the nearest known names or else all of them."""
         names = list(known)
         return cls(f"unknown {kind} '{name}'." + (did_you_mean(name, names) or f" There are: {', '.join(names)}."))

@@ -8,8 +8,6 @@ A cluster is asked through Dask's own client. joblib's backend for it (1.6.0) wa
 that has killed several processes, and keeps large arguments on one worker only, with which they are lost.
 """
 
-from __future__ import annotations
-
 import itertools
 import os
 import re
@@ -19,7 +17,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import version
-from typing import Any
+from typing import Any, Self
 
 from joblib import Parallel, delayed
 from threadpoolctl import threadpool_limits
@@ -42,7 +40,7 @@ class Jobs:
     cluster: str = ""  # the address of a Dask scheduler, HOST:PORT, that is used instead; "" for none
 
     @classmethod
-    def parse(cls, text: str) -> Jobs:
+    def parse(cls, text: str) -> Self:
         """What "4", "-1" or "dask://HOST:PORT" says. MotiondeckError if it is none of these."""
         if found := _CLUSTER.fullmatch(text):
             return cls(cluster=found[1])

@@ -267,7 +267,6 @@ def _size_problems(network: NetworkRecipe) -> Iterator[str]:
 
 
 def _network_problems(recipe: LibraryRecipe) -> Iterator[str]:
-    """Sizes and scales that no network can have, and settings that its kind does not know."""
     trainer = trainer_of(recipe.network)
     yield from _size_problems(recipe.network)
     if trainer.center_driven and recipe.as_recorded:

@@ -9,8 +9,6 @@ that most names share ("Robot_Hips"), and words besides most part names ("LeftLe
 Names in other languages are translated. The words are in `bone_names.toml`.
 """
 
-from __future__ import annotations
-
 import re
 import tomllib
 import unicodedata
@@ -18,7 +16,7 @@ from collections import Counter
 from collections.abc import Iterable
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, Self
 
 LimbPart = Literal["hip", "thigh", "shank", "foot", "clavicle", "upper arm", "forearm", "hand"]
 Part = Literal["pelvis", "trunk", "neck", "head", "toes"] | LimbPart
@@ -111,7 +109,7 @@ class _Style(NamedTuple):
     wrists: bool  # a wrist is the far part of the forearm, because a radius precedes it and a hand follows
 
     @classmethod
-    def of(cls, names: Iterable[str]) -> _Style:
+    def of(cls, names: Iterable[str]) -> Self:
         """The convention of names of joints or of bones between two joints ("A-B")."""
         joints = {joint for name in names for joint in _RIGGED.sub("", name).split("-")}
         said = [frozenset(_words(joint)) for joint in joints]
@@ -131,7 +129,6 @@ class _Style(NamedTuple):
         return cls(shared, joints, "leg" in keys and shins and not thighs, "ankle" in keys, thighs, wrists)
 
     def part(self, name: str) -> NamedPart | None:
-        """The part of a joint."""
         key, side = _key(name, self.shared)
         if side == "middle":
             part = _KEYS.get(key)

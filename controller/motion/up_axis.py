@@ -52,7 +52,6 @@ def up_in_recording(rest: Up, certain: bool, trunk: Array, root: Array, joints: 
 
 
 def _uprightness(up: Up, trunk: Array) -> float:
-    """The cosine between the mean trunk and an axis."""
     return float(rotate(TO_OURS[up], trunk.mean(axis=0))[2])
 
 

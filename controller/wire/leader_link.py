@@ -1,9 +1,8 @@
 """Polls the phase of another deck without waiting for its replies."""
 
-from __future__ import annotations
-
 import contextlib
 from dataclasses import dataclass
+from typing import Self
 
 from controller.wire.command_socket import CommandClient, SocketError
 from controller.wire.messages.arguments import CommandError
@@ -35,7 +34,7 @@ class LeaderLink:
         self._answered = True
 
     @classmethod
-    def to(cls, port: str) -> LeaderLink:
+    def to(cls, port: str) -> Self:
         """A link to a deck of this user by its port, or a CommandError; a remote one could block the loop."""
         if not port.isdecimal() or not 0 < int(port) < 65536:
             raise CommandError(f"'{port}' is nothing to lock to: give beat, body, or the command port of another deck")

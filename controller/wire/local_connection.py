@@ -98,7 +98,6 @@ class _Link:
 
     @property
     def gone(self) -> SocketError:
-        """Why there is no connection."""
         if self._full:
             return SocketError(FULL)
         return PeerGoneError(f"no deck is running on port {self._port}; start one with: motiondeck play")

@@ -1,10 +1,8 @@
 """A bus of servos, of one family or several: every call has a deadline, and one dead servo costs one servo."""
 
-from __future__ import annotations
-
 from collections import Counter, deque
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 from hardware.bus.echo import WithoutEcho, returns_what_is_sent
 from hardware.bus.port import Port, SerialPort
@@ -75,7 +73,7 @@ class Bus:
         self._may_be_late = True  # whether bytes of an earlier answer may still come, so that they must be discarded
 
     @classmethod
-    def open(cls, name: str, baud: int) -> Bus:
+    def open(cls, name: str, baud: int) -> Self:
         """The bus on a serial device."""
         return cls(SerialPort(name, baud), baud)
 

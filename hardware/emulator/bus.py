@@ -158,5 +158,4 @@ class EmulatedBus:
 
 
 def _listeners() -> list[tuple[Family, FrameParser, Answers]]:
-    """For each family what finds its instructions, and what answers them."""
     return [(family, family.parser(), answers_of(family)) for family in FAMILIES]

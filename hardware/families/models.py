@@ -13,7 +13,6 @@ from motiondeck_base.near_names import near_names
 
 
 def _facts() -> list[FamilyFacts]:
-    """The facts of each family."""
     names = [folder.name for folder in iter_modules(hardware.families.__path__) if folder.ispkg]
     return [import_module(f"hardware.families.{name}.facts").FACTS for name in names]
 

@@ -1,10 +1,9 @@
 """Fault counts and call durations of a rig: a fault in the loop is a number here, never an exception."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from typing import Self
 
 import msgspec
 import numpy as np
@@ -25,7 +24,7 @@ class RigFaults:
     unsent: Counts  # targets that the port did not take, or that came while the rig was stopped or recovering
 
     @classmethod
-    def none(cls, joints: int) -> RigFaults:
+    def none(cls, joints: int) -> Self:
         """No faults yet."""
         return cls(*(np.zeros(joints, dtype=np.int64) for _ in fields(cls)))
 

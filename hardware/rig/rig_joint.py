@@ -1,9 +1,7 @@
 """A joint of a rig: the row of a rig file, and what it means for its servo."""
 
-from __future__ import annotations
-
 import math
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
 import msgspec
 
@@ -144,7 +142,7 @@ class RigJoint(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             raise RigError(f"{self.name} ({self.model}) cannot be restarted. Switch its power off and on.")
 
     @property
-    def servos(self) -> tuple[RigJoint, ...]:
+    def servos(self) -> tuple[Self, ...]:
         """Each of its servos as a joint with that one alone."""
         if (second := self.second) is None:
             return (self,)

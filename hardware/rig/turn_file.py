@@ -7,11 +7,10 @@ A file for each serial adapter, in motiondeck in XDG_STATE_HOME (else ~/.local/s
     stands    whether it stood there; false while it moved
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Self
 
 import msgspec
 
@@ -36,7 +35,7 @@ class TurnFile:
         self.path = path
 
     @classmethod
-    def of_port(cls, port: str) -> TurnFile:
+    def of_port(cls, port: str) -> Self:
         """The file of a serial adapter, found again under its lasting name."""
         name = re.sub(r"[^\w.-]+", "-", str(Path(lasting_name(port)).absolute()))
         return cls(state_folder() / f"turns{name}.json")

@@ -162,7 +162,6 @@ class _Log:
 
     @property
     def answers(self) -> ChirpAnswers:
-        """All of it."""
         sent, read = np.array(self._sent).reshape(-1, 2), np.array(self._read).reshape(-1, 3)
         return ChirpAnswers(sent[:, 0], sent[:, 1], read[:, 0], read[:, 1], read[:, 2])
 

@@ -85,7 +85,6 @@ def draw_sheet(library: str, robot: str, out: Path, blends: Sequence[Blend] = ()
 
 
 def _blended(library: MotionLibrary, body: Robot, blend: Blend) -> Deck:
-    """A deck that plays a blend, or the motion it has fallen back to."""
     if blend.first not in library.network.motions:
         raise UnknownNameError.among("motion", blend.first, library.network.motions)
     deck = Deck(library, body.retarget, blend.first)

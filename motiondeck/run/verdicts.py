@@ -120,7 +120,6 @@ def _read(file: Path) -> Tables:
 
 @cache
 def _code() -> bytes:
-    """The digest of the code that plays and judges."""
     from sim.robots.robot_digest import code_digest
 
     return code_digest(Path(__file__), Path(__file__).with_name("sampled_motions.py"))

@@ -159,7 +159,6 @@ def _scale_masses(spec: mujoco.MjSpec) -> None:
 
 
 def _set_masses(path: Path, spec: mujoco.MjSpec, masses: Mapping[str, float]) -> None:
-    """Gives bodies other masses, distributed as before."""
     model = compiled(spec) if masses else None
     bodies = [body.name for body in spec.bodies[1:]]
     for name, mass in masses.items():

@@ -101,7 +101,6 @@ class Balance:
         self._flat = [multiply(yaw(to), from_matrix(foot.axes.T)) for to, foot in zip(turn, self._feet, strict=True)]
 
     def _is_left(self, foot: int) -> bool:
-        """Whether a foot is the one on the left in the rest pose."""
         rest = mujoco.MjData(self._model)
         self._robot.layout.place(self._robot.rest, rest.qpos)
         mujoco.mj_kinematics(self._model, rest)

@@ -180,5 +180,4 @@ def spread_of(channels: Array) -> float:
 
 
 def _distance(one: Array, other: Array) -> float:
-    """Root mean square distance of two motions, over all channels."""
     return float(np.sqrt(np.square(one - other).sum(1).mean()))

@@ -53,7 +53,6 @@ def inner_folds(labels: Indices, actors: Indices, seed: int = 0) -> list[Fold]:
 
 
 def _half(labels: Indices, rng: np.random.Generator) -> Indices:
-    """A random half (rounded up) of each class."""
     chosen = []
     for label in np.unique(labels):
         own = rng.permutation(np.flatnonzero(labels == label))

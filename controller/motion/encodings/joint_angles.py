@@ -7,11 +7,9 @@ round), and a difference of 1 mm of the body is one of 1 mrad of the angle. A fr
     c            angle of joint c, rad
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,7 +30,7 @@ class JointBody(Skeleton):
     is_rig = True
 
     @classmethod
-    def of(cls, joints: Sequence[str]) -> JointBody:
+    def of(cls, joints: Sequence[str]) -> Self:
         """The body of joints with these names (FileFormatError if there are none, or a name is used twice)."""
         count = len(joints)
         forward = np.tile([1.0, 0.0, 0.0], (count, 1))
@@ -54,7 +52,7 @@ class JointAngles:
     twist_by_rule: ClassVar[bool] = False
 
     @classmethod
-    def restore(cls, info: SkeletonInfo) -> JointAngles:
+    def restore(cls, info: SkeletonInfo) -> Self:
         """The encoding of a library with these joints (FileFormatError as `JointBody.of`)."""
         return cls(JointBody.of(info.bones))
 

@@ -5,11 +5,10 @@
 The extremes are those of all patterns together, because one network plays them all.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Self
 
 import numpy as np
 
@@ -34,7 +33,7 @@ class Normalisation:
             raise MotiondeckError("normalisation: a shift or a scaling is not finite, or a scaling is negative")
 
     @classmethod
-    def fit(cls, patterns: Sequence[Array], least_range: float = 0.0) -> Normalisation:
+    def fit(cls, patterns: Sequence[Array], least_range: float = 0.0) -> Self:
         """The joint normalisation of patterns (T, C).
 
         A channel whose range float32 cannot resolve counts as constant: scaled up, it would be rounding noise. One with

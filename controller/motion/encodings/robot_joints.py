@@ -12,11 +12,9 @@ switched, faded and blended as angles are. The body itself moves along x by CLOC
 it goes says how much of the motion has passed, at any tempo, which is what its rates are multiplied with.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from math import cos, sin, sqrt
-from typing import ClassVar
+from typing import ClassVar, Self
 
 import numpy as np
 
@@ -49,12 +47,12 @@ class RobotJoints(JointAngles):
     name: ClassVar[str] = "joints and root"
 
     @classmethod
-    def for_joints(cls, joints: Sequence[str]) -> RobotJoints:
+    def for_joints(cls, joints: Sequence[str]) -> Self:
         """The encoding for a robot's joints by name."""
         return cls(RobotBody.of((*joints, *ROOT)))
 
     @classmethod
-    def restore(cls, info: SkeletonInfo) -> RobotJoints:
+    def restore(cls, info: SkeletonInfo) -> Self:
         """The encoding of a library with these joints; FileFormatError if those of the root are missing."""
         if tuple(info.bones[-len(ROOT) :]) != ROOT:
             raise FileFormatError(f"its joints do not end in those of a root: {', '.join(ROOT)}")

@@ -141,7 +141,6 @@ def _best_borders(costs: _Costs, price: float, shortest: int) -> list[int]:
 
 
 def _gains(costs: _Costs, borders: list[int], last: int) -> list[float]:
-    """What each border saves."""
     ends = [0, *borders, last]
     return [
         float((costs(np.array([a]), c) - costs(np.array([a]), b) - costs(np.array([b]), c))[0])

@@ -275,7 +275,6 @@ class Device:
 
     @property
     def _locked(self) -> bool:
-        """Whether its EEPROM takes nothing now."""
         if self.family.eeprom_lock:
             return False
         return self._get("torque_enable") != 0 or ("lock" in self._places and self["lock"] != 0)

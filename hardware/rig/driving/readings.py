@@ -125,7 +125,6 @@ class Readings:
 
     @property
     def _rounds(self) -> int:
-        """How often each line was asked."""
         return self._requests // len(self._turns)
 
     def every_request(self) -> Iterator[Request]:

@@ -1,13 +1,12 @@
 """The network beside the body: orbits of its neurons, a ball for their state, and a card with overlaps and phases."""
 
-from __future__ import annotations
-
 import colorsys
 import time
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from threading import Thread
+from typing import Self
 
 import numpy as np
 
@@ -30,7 +29,7 @@ class InnerLife:
     courses: dict[str, Array]
 
     @classmethod
-    def of(cls, library: Path) -> InnerLife:
+    def of(cls, library: Path) -> Self:
         """Plays each motion of a library's file once to find it; MotiondeckError if the file is no library any more."""
         loaded = load_library(library)
         network = loaded.network
