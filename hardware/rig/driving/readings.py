@@ -27,6 +27,7 @@ from hardware.rig.state_block import StateBlock, everything, row_layout
 
 _PATIENCE = 3  # replies in a row that a servo may miss before it is asked only at intervals
 _ASK_AGAIN = 0.3  # s from one such request to the next: several before a silent servo is lost
+_HURRY, _PLAY = 2.0, 0.05  # of its speed limit, and rad beside, by which a servo moves on from where it was seen
 _VOLT = 0.1  # V, one count
 
 
@@ -48,7 +49,7 @@ class Measurements:
     def __init__(self, count: int) -> None:
         # Shape (J,), rad, rad/s, A, positive in the joint's direction.
         self.positions, self.velocities, self.currents = np.zeros(count), np.zeros(count), np.zeros(count)
-        # Where each was last read with torque on, shape (J,), rad: a restarted servo reports another turn.
+        # Where each was last read with torque on, shape (J,), rad: a restarted servo reports another turn; see `_see`.
         self.seen = np.zeros(count)
         # Shape (J,), degC, V; NaN until first read.
         self.temperatures, self.voltages = np.full(count, np.nan), np.full(count, np.nan)
@@ -81,6 +82,8 @@ class Readings:
         self._ids = [joint.id for joint in config.joints]
         self._own = np.array(joints, dtype=np.int64)
         self._several = bool(config.through_turns)
+        self._hurry = _HURRY * np.array([joint.velocity for joint in config.joints])
+        self._seen_at = np.zeros(len(config.joints))
         self._line_of_all = tuple(self._own.tolist())
         self._all = slice(None) if len(joints) == len(config.joints) else self._own
         self._tables = [joint.table for joint in config.joints]
@@ -113,7 +116,7 @@ class Readings:
         measured.velocities[where] = measured.currents[where] = 0.0
         measured.missed_in_a_row[where] = measured.errors[where] = 0
         measured.torque[where] = True
-        measured.read_at[where] = now
+        measured.read_at[where] = self._seen_at[where] = now
 
     def next_request(self) -> Request:
         """What to request next; see `requested`."""
@@ -231,7 +234,7 @@ class Readings:
             blank = ~torque & (rows["present_temperature"] == 0) & (rows["present_input_voltage"] == 0)
             measured.torque[joints] = torque
             if self._several:
-                measured.seen[joints] = np.where(torque, positions, measured.seen[joints])
+                self._see(joints, positions, torque, now)
             if np.logical_or.reduce(blank):
                 indices, known = np.arange(len(self._ids))[joints], ~blank
                 measured.errors[indices[blank]] = 0
@@ -249,6 +252,13 @@ class Readings:
             velocities,
             currents,
         )
+
+    def _see(self, joints: NDArray[np.int64] | slice, positions: Array, torque: NDArray[np.bool_], now: float) -> None:
+        """Notes where servos with torque are, unless that is farther than they can have come: another may answer."""
+        seen, at = self.measured.seen, self._seen_at
+        near = np.abs(positions - seen[joints]) < self._hurry[joints] * (now - at[joints]) + _PLAY
+        seen[joints] = np.where(torque & near, positions, seen[joints])
+        at[joints] = np.where(torque & near, now, at[joints])
 
     def _plan(self, line: tuple[int, ...], wide: frozenset[int]) -> Request:
         """The cached request to a line of joints, those in `wide` for everything."""

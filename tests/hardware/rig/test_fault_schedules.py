@@ -52,6 +52,7 @@ def test_a_random_schedule_of_faults_ends_well(seed):
         (295310150, "goals that let go of a shaft, taken for such as drive it on"),
         (295310034, "one of two servos that heard another's goal for a moment while both turned back"),
         (295900019, "a joint at 85 % of its current, which gave way in the end"),
+        (440000052, "what another servo said in its name, taken for where a joint of several turns was"),
         (420000046, "a servo that was replaced by another model, and kept in another turn"),
         (310000001, "two servos without a path, one of which had gone after another joint's goals"),
         (295900202, "a joint of several turns whose power went far behind its goal, taken for one in another turn"),

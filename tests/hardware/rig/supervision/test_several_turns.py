@@ -264,6 +264,20 @@ def test_a_servo_without_torque_is_not_seen(waist):
     assert port.believed[0, 0] == pytest.approx(0.3, abs=0.01)
 
 
+def test_what_another_servo_says_in_its_name_is_not_seen(waist):
+    """A servo that had another's ID for a moment put a joint that stood at its goal into another turn."""
+    rig = waist.open()
+    waist.play(0.3, 1.0)
+    (port,) = rig._all_ports()
+    waist.servo.bank.shaft[0] = waist.joint.pulses(1.4)
+    waist.play(0.3, 0.03)
+    assert rig.positions[0] > 0.6
+    assert port.believed[0, 0] == pytest.approx(0.3, abs=0.01)
+    waist.play(0.3, 2.0)
+    waist.play(-0.3, 1.5)
+    assert port.believed[0, 0] == pytest.approx(waist.angle, abs=0.02)
+
+
 class Shows:
     """A bus on which a servo shows this position."""
 
