@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 from controller.motion.rotations import Array, conjugate, multiply
 from motiondeck.page.body.drawn_model import DrawnModel
 from motiondeck.page.web.private_page import PrivatePage
-from sim.models.rig_figure import LABEL
-from sim.models.scenery import body_height
+from sim.models.scenery import LABEL, body_height
 
 ZENITH, HORIZON = (214, 225, 238), (242, 245, 248)
 # On its way through the lights of the scene this comes out as the colour of the horizon.

@@ -9,9 +9,8 @@ import numpy as np
 
 from controller.motion.rotations import Array, yaw
 from sim.models.free_root import ROOT_JOINT
-from sim.models.scenery import add_gantry, add_lamp, set_stage
+from sim.models.scenery import LABEL, add_gantry, add_lamp, set_stage
 
-LABEL = "(name) "  # goes before a joint's name in the name of the site where a page writes it
 WIDE, HIGH, RADIUS, THIN = 0.3, 0.34, 0.1, 0.008  # m: from dial to dial, radius of a dial, of a pointer
 TURNED = -0.4  # rad, towards the usual camera of the page
 BOARD, FACE, POINTER, END = (0.42, 0.47, 0.54, 1), (0.93, 0.94, 0.96, 1), (0.11, 0.49, 0.84, 1), (0.85, 0.55, 0.2, 1)
@@ -58,20 +57,18 @@ def rig_figure(joints: Sequence[str], lower: Array, upper: Array) -> mujoco.MjSp
     return spec
 
 
-def rows_of(joints: Sequence[str]) -> list[list[str]]:
+def rows_of(joints: Sequence[str]) -> list[tuple[str, ...]]:
     """The joints in rows of a square: joints whose names begin with the same word stand in rows of their own."""
     groups = groups_of(joints)
     grouped = {joint for group in groups.values() for joint in group}
-    together = [[joint for joint in joints if joint not in grouped], *groups.values()]
+    together = [tuple(joint for joint in joints if joint not in grouped), *groups.values()]
     square = ceil(sqrt(len(joints)))
     columns = max(square, min(square + 1, max(map(len, together))))
     return [group[at : at + columns] for group in together for at in range(0, len(group), columns)]
 
 
-def groups_of(joints: Sequence[str]) -> dict[str, list[str]]:
+def groups_of(joints: Sequence[str]) -> dict[str, tuple[str, ...]]:
     """The joints whose names begin with the same word, by that word, where there are several."""
-    groups: dict[str, list[str]] = {}
-    for joint in joints:
-        found = _FIRST_WORD.match(joint)
-        groups.setdefault(found[0] if found else "", []).append(joint)
-    return {word: group for word, group in groups.items() if word and len(group) > 1}
+    words = [found[0] if (found := _FIRST_WORD.match(joint)) else "" for joint in joints]
+    groups = {word: tuple(one for one, its in zip(joints, words, strict=True) if its == word) for word in words if word}
+    return {word: group for word, group in groups.items() if len(group) > 1}

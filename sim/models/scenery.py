@@ -4,6 +4,7 @@ import mujoco
 
 GANTRY = "(gantry)"
 FLOOR = "(floor)"
+LABEL = "(name) "  # goes before a joint's name in the name of the site where a page writes it
 
 TIMESTEP = 0.0025
 HORIZON = (0.80, 0.85, 0.90)

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -20,14 +18,16 @@ from controller.motion.posture import Pose
 from controller.motion.rotations import Array
 from controller.motion.skeleton import Skeleton
 from controller.wire.run_recording import RunRecording
+from hardware.rig.rig_file import RigConfig, load_rig
 from motiondeck.run.guard.guarded_rig import guard_process
 from motiondeck.run.robots.rig_output import RigOutput, open_rig
 from motiondeck.run.spec.run_spec import RunSpec, is_emulated, options
 from motiondeck_base.errors import MotiondeckError
-
-if TYPE_CHECKING:
-    from hardware.rig.rig_file import RigConfig
-    from sim.robots.robot import Robot
+from sim.models.rig_figure import groups_of
+from sim.physics.kinematic_playback import KinematicPlayback
+from sim.robots.joint_groups import Groups, named_groups
+from sim.robots.rig_robot import rig_robot
+from sim.robots.robot import Robot
 
 # What a joint may do whose acceleration the rig file leaves open, rad/s^2; the jerk brings it there in 20 ms.
 _ACCELERATION = 80.0
@@ -35,55 +35,29 @@ _RISE = 0.02  # s
 _SIMULATED = ("solver", "physics", "root", "balance", "walk", "check_collisions")  # options of simulated robots
 
 
-class RigFigure:
-    """The figure of a rig alone where its servos measure it, with their targets; a `robot_on_deck.Stage`."""
-
-    name = "figure"
-    behind_s = 0.0  # delay of the body, s
+class RigFigure(KinematicPlayback):
+    """The figure of a rig alone where its servos measure it, with their targets in `wanted`."""
 
     def __init__(self, robot: Robot, rig: RigOutput) -> None:
-        self._robot, self._rig, self._writes = robot, rig, 0
-        self.qpos, self.wanted = robot.model.qpos0.copy(), robot.model.qpos0.copy()
-        robot.layout.place(rig.positions, self.qpos)
-        self.placed = self.qpos[:7].copy()
+        super().__init__(robot)
+        self._rig, self.wanted = rig, self.qpos.copy()
 
     def write(self, targets: Array, pose: Pose) -> None:
         """Places the targets (J,), rad, and the measured joints."""
         self._robot.layout.place(targets, self.wanted)
         self._robot.layout.place(self._rig.positions, self.qpos)
-        self._writes += 1
-
-    def measured(self) -> Array:
-        """The measured joint positions (J,), rad."""
-        return self._rig.positions
-
-    def report(self) -> Mapping[str, object]:
-        """Its kind and the number of writes."""
-        return {"kind": "figure", "robot": self._robot.name, "writes": self._writes}
-
-    def close(self) -> None:
-        """Does nothing."""
+        self._measured, self._writes = self._rig.positions, self._writes + 1
 
 
-class RigAlone(NamedTuple):
-    """A connected rig without a simulated robot."""
-
-    robot: Robot  # its joints, limits, and retargeting
-    rest: Array | None  # where the joints end, shape (J,), rad, or None for where they stop
-    rig: Channel
-    figure: RigFigure
-    groups: dict[str, tuple[str, ...]]  # joints that layers play on
-
-
-def open_rig_alone(opening: ExitStack, spec: RunSpec, file: Path, source: Clip | MotionLibrary) -> RigAlone:
+def open_rig_alone(
+    opening: ExitStack, spec: RunSpec, file: Path, source: Clip | MotionLibrary
+) -> tuple[Robot, Array | None, Channel, RigFigure, Groups]:
     """Connects the rig of a file, whose joints follow what they were taught; `opening` closes it.
 
-    Joints that were not taught stay where they are. MotiondeckError if an option or the source does not fit a rig
-    (before anything is switched on), or it cannot be connected.
+    Its robot, where the joints end, shape (J,), rad, or None for where they stop, its servos, its figure, and the
+    groups of its joints. Those that were not taught stay where they are. MotiondeckError if an option or the source
+    does not fit a rig (before anything is switched on), or it cannot be connected.
     """
-    from sim.models.rig_figure import groups_of
-    from sim.robots.joint_groups import named_groups
-
     for name in _SIMULATED:
         if getattr(spec, name) != getattr(RunSpec(), name):
             flag = options()[name].flag or f"--{name.replace('_', '-')}"
@@ -99,16 +73,12 @@ def open_rig_alone(opening: ExitStack, spec: RunSpec, file: Path, source: Clip |
     limits, rest = robot.limits, None
     if isinstance(source, Clip):
         rest = np.clip(_targets(source, retarget)[-1], limits.lower, limits.upper)
-    words = {word: tuple(joints) for word, joints in groups_of(robot.joints).items()}
-    groups = words | named_groups(str(file), robot.joints, output.config.groups)
-    return RigAlone(replace(robot, retarget=retarget), rest, channel, RigFigure(robot, output), groups)
+    groups = groups_of(robot.joints) | named_groups(str(file), robot.joints, output.config.groups)
+    return replace(robot, retarget=retarget), rest, channel, RigFigure(robot, output), groups
 
 
 def robot_of(file: Path, skeleton: Skeleton) -> Robot:
     """The robot of a rig file for motions of a skeleton; MotiondeckError if these or its model do not fit."""
-    from hardware.rig.rig_file import load_rig
-    from sim.robots.rig_robot import rig_robot
-
     config = load_rig(file)
     return rig_robot(file, config.names, _limits_of(config), Path(config.model) if config.model else None, skeleton)
 

@@ -151,10 +151,9 @@ def open_robot(opening: ExitStack, spec: RunSpec, source: MotionLibrary | Clip, 
     if spec.robot is None and spec.rig is not None:
         from motiondeck.run.robots.rig_on_deck import open_rig_alone
 
-        alone = open_rig_alone(opening, spec, find_rig(spec.rig_named), source)
-        simulation, robot = Simulation(alone.robot, alone.figure, "fixed", False, False), alone.robot
-        own = robot.joints, robot.limits, alone.rest, robot.retarget, alone.rig
-        return RobotOnDeck(robot.name, *own, simulation, prefix, groups=alone.groups)
+        robot, rest, rig, figure, groups = open_rig_alone(opening, spec, find_rig(spec.rig_named), source)
+        own = robot.joints, robot.limits, rest, robot.retarget, rig, Simulation(robot, figure, "fixed", False, False)
+        return RobotOnDeck(robot.name, *own, prefix, groups=groups)
     from sim.models.robot_file import read_robot_file, solver_named
     from sim.physics.kinematic_playback import KinematicPlayback
     from sim.physics.playback import PhysicsPlayback

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 from controller.deck.interfaces import JointLimits
 from controller.motion.encodings.joint_angles import JointBody
 from motiondeck_base.errors import FileFormatError, UnknownNameError
-from sim.models.rig_figure import LABEL, rows_of
+from sim.models.rig_figure import rows_of
+from sim.models.scenery import LABEL
 from sim.robots.rig_robot import rig_robot
 
 SWING = """<mujoco><worldbody><body name="foot"><geom size=".05"/><body name="arm" pos="0 0 .1">
@@ -84,4 +85,4 @@ def test_every_joint_has_one_place_on_the_board(stem, count):
 
 def test_legs_of_three_joints_have_rows_of_their_own():
     legs = [f"leg{leg}_{joint}" for leg in range(6) for joint in ("coxa", "femur", "tibia")]
-    assert rows_of(legs) == [legs[at : at + 3] for at in range(0, 18, 3)]
+    assert rows_of(legs) == [tuple(legs[at : at + 3]) for at in range(0, 18, 3)]
