@@ -23,7 +23,6 @@ from typing import Annotated, Literal
 
 import msgspec
 import numpy as np
-from scipy.interpolate import PchipInterpolator
 
 from controller.motion.canonical.clip_edits import cubic
 from controller.motion.clip import Clip, Plays
@@ -121,6 +120,8 @@ def _keys_of(joint: str, written: _Keyframes, length: float, path: str | Path) -
 
 def _course(times: Array, keys: _Keys, plays: Plays) -> Array:
     """The values of a joint at some times, from the first to the last one."""
+    from scipy.interpolate import PchipInterpolator  # slow to import, and a deck imports all formats
+
     length, at = float(times[-1]), np.array(list(keys))
     value, easings = np.array([value for value, _ in keys.values()]), [easing for _, easing in keys.values()]
     if plays == "loop":

@@ -209,7 +209,7 @@ class _Session:
                     self._say(f"unknown choice '{choice}'")
 
     def _doubts(self, recording: _Recording, file: Path) -> list[str]:
-        from controller.learning.preparation.takes import join_takes
+        from controller.learning.preparation.takes import join_takes, motion_of
         from controller.motion.encodings.joint_angles import angles_of
         from controller.motion.formats.taught_clip import read_taught_clip
         from hardware.tools.teaching import beyond_limits
@@ -219,7 +219,8 @@ class _Session:
         doubts = [
             f"{line}; played, it will be held back" for line in beyond_limits(self.config, recording.angles, rate)
         ]
-        takes = self._written_takes(file)
+        written = [Path(str(one["written"])) for one in self.written]
+        takes = [one for one in written if motion_of(one) == motion_of(file) and one != file]
         if takes:
             angles = [angles_of(read_taught_clip(take).rotation[:, 1:]) for take in takes]
             names = [*(take.name for take in takes), "this take"]
@@ -229,12 +230,6 @@ class _Session:
             except FileFormatError as error:
                 doubts.append(str(error))
         return doubts
-
-    def _written_takes(self, file: Path) -> list[Path]:
-        from controller.learning.preparation.takes import motion_of
-
-        written = [Path(str(one["written"])) for one in self.written]
-        return [one for one in written if motion_of(one) == motion_of(file) and one != file]
 
     def _recorded(self, parts: list[tuple[RigConfig, Bus]], seconds: float | None) -> _Recording:
         from controller.learning.preparation.takes import is_periodic
