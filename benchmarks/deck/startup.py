@@ -89,15 +89,15 @@ def answers(port: int) -> bool:
         return False
 
 
-def start(checkout: Path, *, page: bool) -> tuple[dict[str, float], list[str]]:
-    """One start; s until the first tick and its CPU time, s until the page replied, and the files that were read."""
+def start(checkout: Path, *words: str, page: bool) -> tuple[dict[str, float], list[str]]:
+    """One start of `play` with these words; s until the first tick, its CPU time, s until the page, and the files."""
     port = free_port()
     shown = ("--port", str(port)) if page else ("--headless",)
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder, "tick")
         began = time.monotonic()
         process = subprocess.Popen(
-            [sys.executable, "-c", _TO_THE_FIRST_TICK, str(out), "play", *shown, "--command-port", "0"],
+            [sys.executable, "-c", _TO_THE_FIRST_TICK, str(out), "play", *words, *shown, "--command-port", "0"],
             env=environment(checkout),
             cwd=checkout,
             stdin=subprocess.DEVNULL,

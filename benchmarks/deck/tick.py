@@ -57,13 +57,15 @@ COUNTED = 200  # ticks whose calls are counted
 BLOCK, SETTLING = 40, 3  # ticks after one kind of pause, and how many of them still show the one before
 
 
-def play(library: MotionLibrary, motion: str, clock: Ticker | VirtualClock, ticks: int, *, rig: bool) -> None:
+def play(
+    library: MotionLibrary, motion: str, clock: Ticker | VirtualClock, ticks: int, *, rig: bool, rate: float = RATE
+) -> None:
     """Plays a motion on servo20 with simulated servos and masses for so many ticks after the approach.
 
     Raises:
         MotiondeckError: if the run ended early.
     """
-    spec = RunSpec(robot="servo20", rig="emulated" if rig else None, rate=RATE, seconds=ticks / RATE)
+    spec = RunSpec(robot="servo20", rig="emulated" if rig else None, rate=rate, seconds=ticks / rate)
     played = Played(
         library, lambda opening: open_robots(opening, spec, library), lambda retarget: Deck(library, retarget, motion)
     )
@@ -74,7 +76,14 @@ def play(library: MotionLibrary, motion: str, clock: Ticker | VirtualClock, tick
 
 
 def time_play(
-    library: MotionLibrary, motion: str, clock: Ticker | VirtualClock, ticks: int, *, rig: bool, parts: bool
+    library: MotionLibrary,
+    motion: str,
+    clock: Ticker | VirtualClock,
+    ticks: int,
+    *,
+    rig: bool,
+    parts: bool,
+    rate: float = RATE,
 ) -> tuple[dict[str, Array], float]:
     """How long the ticks of a run took, their parts too if asked for, (ticks,), us; the loop's share of a core."""
     used, passed = list[int](), list[int]()
@@ -86,7 +95,7 @@ def time_play(
 
     timing = Ticks(clock, note)
     with timing.of_parts() if parts else nullcontext():
-        play(library, motion, clock, APPROACH + ticks, rig=rig)
+        play(library, motion, clock, APPROACH + ticks, rig=rig, rate=rate)
     names = [*PARTS, REST, ALL] if parts else [ALL]
     columns = {name: timing.column(name, slice(APPROACH, APPROACH + ticks)) for name in names}
     return columns, (used[1] - used[0]) / (passed[1] - passed[0])

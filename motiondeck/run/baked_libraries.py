@@ -13,7 +13,7 @@ from sim.robots.robot_digest import robot_digest
 
 def baked_file(library: Path, robot: Path) -> Path:
     """Where a library that is baked for a robot is kept: beside it, or in the user's cache if it is a shipped one."""
-    beside, cached = _places(library, robot)
+    beside, cached = kept_at(library, robot)
     shipped = library.parent.resolve() == (shipped_configs() / "libraries").resolve()
     return cached if shipped or not os.access(library.parent, os.W_OK) else beside
 
@@ -24,7 +24,7 @@ def find_baked(spec: RunSpec, library: Path, robot: Path) -> MotionLibrary | Non
     It knows no human, so a run that needs one (a free root, another solver, a second robot, collisions, recognition) is
     carried live. So is a library or a robot that has changed since; what to do is said in a line.
     """
-    file = next((place for place in _places(library, robot) if place.is_file()), None)
+    file = next((place for place in kept_at(library, robot) if place.is_file()), None)
     needs = spec.root == "free", spec.solver, spec.follow, spec.check_collisions, spec.recognize, spec.recognizer
     if file is None or any(needs):
         return None
@@ -45,6 +45,7 @@ def find_baked(spec: RunSpec, library: Path, robot: Path) -> MotionLibrary | Non
     return baked
 
 
-def _places(library: Path, robot: Path) -> tuple[Path, Path]:
+def kept_at(library: Path, robot: Path) -> tuple[Path, Path]:
+    """Where a baked library may be: beside the library, or in the user's cache."""
     name = f"{library.stem}.{robot.stem}.safetensors"
     return library.parent / name, user_cache() / "baked" / name

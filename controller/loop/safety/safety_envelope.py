@@ -119,22 +119,9 @@ class SafetyEnvelope:
             goal = target if -_FINITE < target < _FINITE else last_goal
             goal = lower if goal < lower else upper if goal > upper else goal
             goal_v = goal - last_goal
-            position, direct = _limited(
-                near,
-                near or matched > 0.0,
-                p,
-                v,
-                a,
-                goal,
-                goal_v,
-                goal - p - v,
-                goal_v - last_goal_v,
-                v_max,
-                a_max,
-                j_max,
-                lower,
-                upper,
-            )
+            goal_a, wanted, matches = goal_v - last_goal_v, goal - p - v, near or matched > 0.0
+            limits = v_max, a_max, j_max, lower, upper
+            position, direct = _limited(near, matches, p, v, a, goal, goal_v, wanted, goal_a, *limits)
             # The velocity is summed, not differenced from positions: their rounding would grow with each difference.
             v += direct
             lag = position - goal
