@@ -22,12 +22,12 @@ from controller.library.motion_library import MotionLibrary, load_library
 from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.motion.clip import Clip
 from controller.motion.encodings.robot_joints import RobotJoints
-from controller.motion.posture import poses_of, walk_path
+from controller.motion.posture import walk_path
 from controller.motion.rotations import Array
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.files import digest_of
 from sim.robots.joint_motion import retargeted
-from sim.robots.robot import Robot, RobotLoader
+from sim.robots.robot import RobotLoader
 from sim.robots.robot_digest import robot_digest
 
 ROUNDS = 3  # of a loop that are carried; a robot that goes round settles in the first ones, and the last is learned
@@ -67,19 +67,12 @@ def bake(library_file: Path, robot_file: Path, progress: Callable[[str], None] =
 
 
 def _recipe(library: MotionLibrary, file: Path) -> LibraryRecipe:
-    own = recipe_of(library.info.recipe, file).network
-    network = own if trainer_of(own).center_driven else PhaseRecipe()
+    own = recipe_of(library.info.recipe, file)
+    network = own.network if trainer_of(own.network).center_driven else PhaseRecipe()
     if isinstance(network, PhaseRecipe):
         network = msgspec.structs.replace(network, piece_seconds=PIECE_SECONDS)
     motions = [MotionRecipe(name=one.name, file=one.source, plays=one.plays) for one in library.info.motions]
-    return LibraryRecipe(
-        name=library.info.name,
-        network=network,
-        motions=motions,
-        seeds=[0, 1, 2],
-        licence=library.info.licence,
-        acknowledgement=library.info.acknowledgement,
-    )
+    return msgspec.structs.replace(own, name=library.info.name, network=network, motions=motions, as_recorded=False)
 
 
 def _carried(library: MotionLibrary, motion: MotionInfo, loader: RobotLoader) -> tuple[RobotJoints, Array]:
@@ -92,7 +85,7 @@ def _carried(library: MotionLibrary, motion: MotionInfo, loader: RobotLoader) ->
     robot, footed = (loader(library.skeleton, None, 1.0 / rate) for _ in range(2))
     encoding, heading = RobotJoints.for_joints(robot.joints), pose.heading
     angles = _within(robot.limits, 1.0 / rate, retargeted(robot, clip).angles)
-    root = _placed(footed, clip, angles)
+    root = retargeted(footed, clip, angles).root
     if not loop:  # what a first frame comes from is not known
         angles, root, heading = (np.concatenate([values[:1], values]) for values in (angles, root, heading))
     channels = encoding.encode_path(angles, root, heading, rate)
@@ -114,14 +107,3 @@ def _within(limits: JointLimits, dt: float, angles: Array) -> Array:
         envelope.start(way[0])
         ways.append(np.array([envelope(row).copy() for row in way]))
     return 0.5 * (ways[0] + ways[1][::-1])
-
-
-def _placed(robot: Robot, clip: Clip, angles: Array) -> Array:
-    """The root of a robot that has these angles (T, J) in a clip, shape (T, 7)."""
-    state, roots = robot.model.qpos0.copy(), np.empty((len(clip), 7))
-    if robot.footing is not None:
-        robot.footing.flat.learn(clip)
-    for root, row, pose in zip(roots, angles, poses_of(clip), strict=True):
-        robot.place(row, pose, state)
-        root[:] = state[:7]
-    return roots

@@ -59,15 +59,19 @@ def check_ending(path: Path) -> None:
         raise FileFormatError(f"{path}: joint motions are written as .csv or .clip. Name the file so.")
 
 
-def retargeted(robot: Robot, clip: Clip) -> JointMotion:
-    """Retargets a clip to a robot of the clip's skeleton and rate, within its limits of position, not of speed."""
+def retargeted(robot: Robot, clip: Clip, given: Array | None = None) -> JointMotion:
+    """Retargets a clip to a robot of the clip's skeleton and rate, within its limits of position, not of speed.
+
+    With `given` angles (T, J), rad, only its root is placed.
+    """
     state = robot.model.qpos0.copy()
     robot.layout.place(robot.rest, state)
     if robot.footing is not None:
         robot.footing.flat.learn(clip)
     angles, qpos = np.empty((len(clip), len(robot.joints))), np.empty((len(clip), robot.model.nq))
     for frame, pose in enumerate(poses_of(clip)):
-        np.clip(robot.retarget(pose), robot.limits.lower, robot.limits.upper, out=angles[frame])
+        wanted = robot.retarget(pose) if given is None else given[frame]
+        np.clip(wanted, robot.limits.lower, robot.limits.upper, out=angles[frame])
         robot.place(angles[frame], pose, state)
         qpos[frame] = state
     return JointMotion(clip.name, robot.joints, clip.rate, angles, qpos)
