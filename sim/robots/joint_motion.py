@@ -62,7 +62,7 @@ def check_ending(path: Path) -> None:
 def retargeted(robot: Robot, clip: Clip, given: Array | None = None) -> JointMotion:
     """Retargets a clip to a robot of the clip's skeleton and rate, within its limits of position, not of speed.
 
-    With `given` angles (T, J), rad, only its root is placed.
+    With `given` angles (T, J), rad, these are placed instead, and only the root is found.
     """
     state = robot.model.qpos0.copy()
     robot.layout.place(robot.rest, state)
@@ -70,8 +70,8 @@ def retargeted(robot: Robot, clip: Clip, given: Array | None = None) -> JointMot
         robot.footing.flat.learn(clip)
     angles, qpos = np.empty((len(clip), len(robot.joints))), np.empty((len(clip), robot.model.nq))
     for frame, pose in enumerate(poses_of(clip)):
-        wanted = robot.retarget(pose) if given is None else given[frame]
-        np.clip(wanted, robot.limits.lower, robot.limits.upper, out=angles[frame])
+        wanted = robot.retarget(pose)  # it also turns the pelvis
+        np.clip(wanted if given is None else given[frame], robot.limits.lower, robot.limits.upper, out=angles[frame])
         robot.place(angles[frame], pose, state)
         qpos[frame] = state
     return JointMotion(clip.name, robot.joints, clip.rate, angles, qpos)
