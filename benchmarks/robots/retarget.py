@@ -163,8 +163,9 @@ def compared(name: str, robot: Robot, clips: list[Clip], retarget) -> dict[str, 
         for frame in range(len(clip)):
             pose = Pose(clip.root_position[frame], np.zeros(()), clip.rotation[frame])
             targets = np.array(retarget(pose))
-            robot.layout.place(targets, data.qpos)
-            data.qpos[:3], data.qpos[3:7] = pose.root_position, pose.rotation[0]
+            robot.place(targets, pose, data.qpos)
+            if retarget is not robot.retarget:  # ours turns its pelvis itself
+                data.qpos[:3], data.qpos[3:7] = pose.root_position, pose.rotation[0]
             mujoco.mj_kinematics(robot.model, data)
             there = data.xpos[bodies[0]] - data.xpos[bodies[1]]
             miss.append(np.linalg.norm(there - wanted[frame], axis=1))
