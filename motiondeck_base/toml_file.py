@@ -12,6 +12,7 @@ import msgspec
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.file_numbers import LARGEST, SMALLEST, impossible_numbers, key_path
 from motiondeck_base.file_words import in_file_words
+from motiondeck_base.mistaken_files import what_it_is
 from motiondeck_base.near_names import near_names
 
 T = TypeVar("T")
@@ -29,7 +30,10 @@ def read_toml(path: Path, shape: type[T]) -> T:
 def parse_toml(path: Path) -> tuple[str, dict[str, Any]]:
     """The text of a TOML file, and its contents as plain values; a FileFormatError says in one line what is wrong."""
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        content = path.read_bytes()
+        if found := what_it_is(path, content):
+            raise FileFormatError(f"{path}: {found}")
+        text = content.decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n")
     except OSError as error:
         raise FileFormatError(f"{path}: cannot be read ({error.strerror or error})") from None
     except UnicodeDecodeError:

@@ -20,6 +20,7 @@ import numpy as np
 
 from controller.wire.telemetry import Array, named
 from motiondeck_base.errors import FileFormatError
+from motiondeck_base.mistaken_files import what_it_is
 
 VERSION = 6
 READABLE = (1, 2, 3, 4, 5, 6)
@@ -120,6 +121,8 @@ def load_recording(path: Path) -> RunRecording:
         data = path.read_bytes()
     except OSError as error:
         raise FileFormatError(f"{path}: cannot be read ({error.strerror or error})") from None
+    if found := what_it_is(path, data):
+        raise FileFormatError(f"{path}: {found}")
     place = len(MAGIC) + _HEADER.size
     if data[: len(MAGIC)] != MAGIC or len(data) < place:
         raise FileFormatError(f"{path}: this is not a recording; make one with: motiondeck play --record FILE")

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
-from trimesh.creation import revolve
 
 from controller.motion.rotations import Array, multiply, rotate
 
@@ -209,6 +208,8 @@ def box() -> Triangles:
 
 def _surface(radius: Array, height: Array, segments: int) -> Triangles:
     """The surface that a line of (radius, height) points sweeps about z, seen from outside when it runs downwards."""
+    from trimesh.creation import revolve  # with scipy it takes 0.3 s to import
+
     swept = revolve(np.column_stack([radius, height])[::-1], sections=segments)
     return swept.vertices.astype(np.float32), swept.faces.astype(np.uint32)
 
