@@ -98,7 +98,11 @@ MUTANTS = {
     "path of one of two astray": Mutant(_await_partners, "> APART):", "> 9.0):", ("duplicate", _PAIR)),
     "one of two leaps back": Mutant(_await_partners, "> APART for", "> 9.0 for", ("duplicate", _PAIR)),
     "goals run away from a silent joint": Mutant(
-        Rig.write, "unseen &= self._several", "unseen &= False", ("duplicate", "several turns")
+        Rig.write,
+        "unseen &= self._several",
+        "unseen &= False",
+        ("duplicate", "several turns"),
+        "turn by the goal alone",
     ),
     "goal taken for a path": Mutant(
         places_of_rest, "np.where(away, angles, path)", "path", ("", "a limit of acceleration, and no path shown")
