@@ -11,9 +11,8 @@ from typing import Any, ParamSpec
 import msgspec
 
 from controller.wire.run_folder import run_folder
-from motiondeck.deck_process import DeckProcess
 from motiondeck.libraries import Library
-from motiondeck.live import LiveDeck
+from motiondeck.live import DeckProcess, LiveDeck
 from motiondeck.run.live_deck import with_right_types
 from motiondeck.run.spec.run_spec import RunSpec, kinds, options
 

@@ -24,8 +24,7 @@ import typer
 from threadpoolctl import threadpool_limits
 
 from benchmarks import command
-from controller.learning.preparation.cycles import aligned_cycles, phase_lag
-from controller.learning.preparation.person_styles import person_variants
+from controller.learning.preparation.cycles import aligned_cycles, person_variants, phase_lag
 from controller.learning.preparation.training_motion import TrainingMotion, Variant
 from controller.learning.trainers.phase_conceptor import TRAINER, PhaseRecipe
 from controller.learning.trainers.trainer import Lessons

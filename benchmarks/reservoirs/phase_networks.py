@@ -36,8 +36,8 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from controller.deck.tracks.frame_player import FramePlayer
+from controller.learning.evaluation.failure_rates import wilson
 from controller.learning.measures.disturbance import disturbed
-from controller.learning.measures.intervals import wilson
 from controller.learning.measures.self_test import Judge, after_disturbance, self_test
 from controller.learning.recipe import MotionRecipe, NetworkRecipe, read_recipe
 from controller.learning.reservoirs.conceptor_training import ConceptorRecipe

@@ -10,9 +10,8 @@ import numpy as np
 
 from controller.learning.measures.recording_errors import RecordedPart, recorded_part
 from controller.learning.measures.self_test import Judge
-from controller.learning.preparation.cycles import aligned_cycles
+from controller.learning.preparation.cycles import aligned_cycles, person_variants
 from controller.learning.preparation.loops import best_seam, close_loop, hold_end, in_place
-from controller.learning.preparation.person_styles import person_variants
 from controller.learning.preparation.pins import pinned
 from controller.learning.preparation.takes import read_takes
 from controller.learning.preparation.training_motion import MotionsOnDemand, TrainingMotion, Variant

@@ -106,7 +106,7 @@ def show(
 def _judge_anew(library: MotionLibrary, path: Path, recording: Path, as_json: bool) -> None:
     import msgspec
 
-    from controller.learning.judging import judge_against
+    from controller.learning.fit import judge_against
     from motiondeck.cli.common.library_report import print_errors
 
     motions = judge_against(library, path, recording)

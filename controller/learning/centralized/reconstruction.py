@@ -3,7 +3,7 @@
 1. Around a gap the other markers are aligned, frame by frame, with their mean shape (Kabsch 1976), which removes the
    motion of the body as a whole.
 2. Centers and satellites are trained on them. Their output has few principal components, the scores; the missing marker
-   is a weighted sum of the scores. Or it follows from the principal components of the markers (`component_filling`).
+   is a weighted sum of the scores. Or it follows from the principal components of the markers (`by_components`).
 3. The residual of the prediction on both sides of the gap is interpolated over it, by a cubic or a line.
 4. Network or components, the ridge of the weights, and cubic or line are chosen by cross-validation: intervals as long
    as the gap are hidden where the marker is seen, and filled by every method. The largest ridge leaves only the mean.
@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.special import expit
 
-from controller.learning.centralized.component_filling import KEPT, by_components
 from controller.learning.centralized.satellite_learning import learn, ridge_readout, slow_and_fast
 from controller.motion.markers import bridged, runs
 from controller.motion.rotations import Array
@@ -35,6 +34,12 @@ PIECE_S = 8.0
 TRIES = 20
 ITERATIONS = 60
 SCORES = 24
+
+NEAR = (
+    0.4  # sigma of `by_components`, in root mean square distances of the markers from their centre; the paper's 200 mm
+)
+OWN_WEIGHT = 0.02  # of the missing marker there
+KEPT = (0.99, 0.999)  # shares of the sum of singular values that are tried
 
 HIDDEN = 8  # intervals for cross-validation
 EAGERNESS = 1.0  # log weight per relative difference of the two errors
@@ -277,3 +282,32 @@ def _bridged(markers: Array, missing: Flags) -> Array:
     for m in np.flatnonzero(missing.any(0)):
         whole[:, m] = bridged(whole[:, m])
     return whole
+
+
+def by_components(others: Array, path: Array, missing: NDArray[np.bool_], kept: float) -> Array:
+    """The path (K, 3) of a marker, predicted in every frame from M others (K, M, 3) about their centre.
+
+    By principal components (Gloersen and Federolf 2016, PLoS ONE 11(3): e0152616): each coordinate is divided by its
+    standard deviation and weighted by the distance d of its marker from the missing one, w = exp((d0^2 - d^2) /
+    2 sigma^2), with d0 that of the nearest; the missing one has a small weight. With P the leading components of the
+    frames in which it is seen, and P0 those of the same frames with its coordinates set to zero, a frame x0 in which
+    they are zero becomes x = x0 P0 (P0^T P) P^T.
+
+    `path` may be anything where it is missing; it is seen in two frames and more. `kept` is the share of the sum of
+    singular values that the components have.
+    """
+    seen = ~missing
+    near = NEAR * np.sqrt(np.square(others).sum(-1).mean()) + 1e-12
+    apart = np.linalg.norm(others[seen] - path[seen, None], axis=-1).mean(0)
+    weight = np.exp(0.5 * (np.square(apart.min()) - np.square(apart)) / near**2)  # the nearest has weight 1
+    weight = np.append(np.repeat(weight, 3), [OWN_WEIGHT] * 3)
+    full = np.concatenate([others.reshape(len(others), -1), np.where(missing[:, None], 0.0, path)], axis=1)
+    mean, scale = full[seen].mean(0), np.maximum(full[seen].std(0), 1e-9 * near) / weight
+    full = (full - mean) / scale
+    own = slice(full.shape[1] - 3, None)
+    without = full.copy()
+    without[:, own] = 0.0
+    found = [np.linalg.svd(frames[seen], full_matrices=False)[1:] for frames in (without, full)]
+    count = max(1 + int(np.searchsorted(np.cumsum(size), kept * size.sum())) for size, _ in found)
+    axes_without, axes = (rows[:count] for _, rows in found)
+    return (without @ axes_without.T @ (axes_without @ axes.T) @ axes)[:, own] * scale[own] + mean[own]

@@ -5,9 +5,8 @@ from dataclasses import asdict, dataclass, field, replace
 
 import numpy as np
 
-from controller.learning.evaluation.failure_rates import Count
+from controller.learning.evaluation.failure_rates import Count, grouped, wilson
 from controller.learning.evaluation.transitions import MeasuredTransition
-from controller.learning.measures.intervals import grouped, wilson
 from controller.learning.measures.self_test import MotionVerdict
 from controller.learning.trainers.trainer import TrainingError
 

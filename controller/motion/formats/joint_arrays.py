@@ -1,9 +1,11 @@
 """Arrays of joint positions: .npy of HumanML3D and KIT-ML, .npz with `joints` of any program.
 
     .npy    joints (T, 22, 3), 20 Hz, or KIT-ML's (T, 21, 3), 12.5 Hz; also the features (T, 263) and (T, 251) of both
-    .npz    joints (T, J, 3), fps, and joint_names (J,) where the order is none of `joint_layouts`
+    .npz    joints (T, J, 3), fps, and joint_names (J,) where the order is none of `joint_layouts.toml`
 
 AIST++ and GVHMR keep theirs in pickles, which are never loaded: save the arrays as .npz (keypoints3d and fps).
+Of two orders with the same number of joints the one counts in which limbs keep their lengths, and left and right are
+alike.
 
 The features (Guo et al. 2022, "Generating Diverse and Natural 3D Human Motions from Text", section 3.2) hold the speed
 of the root's heading and its path in it, its height, and the other joints relative to it and in its heading:
@@ -11,14 +13,16 @@ of the root's heading and its path in it, its height, and the other joints relat
     h(t) = h(t-1) - 2 f0(t-1),  x(t) = x(t-1) + R(h(t)) (f1, 0, f2)(t-1),  y = f3,  joints = x + R(h) (f4, f5, ...)
 """
 
+import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from controller.motion.file_format import Format
-from controller.motion.formats.joint_layouts import labelled
-from controller.motion.formats.markers.joint_points import turned_over
+from controller.motion.formats.markers.joint_points import joint_points, turned_over
 from controller.motion.formats.npz_arrays import NpzArrays, npz_names, plain_array
+from controller.motion.formats.smpl import JOINTS
 from controller.motion.markers import FARTHEST, Markers, unit_of_size
 from controller.motion.reading_options import AS_FOUND, ReadingOptions
 from controller.motion.rotations import Array, about, rotate
@@ -31,6 +35,11 @@ _NAMES = ("joint_names", "keypoint_names", "names", "labels")
 _RATES = {22: 20.0, 21: 12.5}  # Hz, of HumanML3D and KIT-ML, by joints
 _FEATURES = {263: 22, 251: 21}  # their joints, by features
 _UPWARDS = np.array([0.0, 1.0, 0.0])
+_LAYOUTS = {"SMPL": JOINTS, "SMPL with hands": (*JOINTS, "left_hand_end", "right_hand_end")}
+for _name, _joints in tomllib.loads(Path(__file__).with_name("joint_layouts.toml").read_text(encoding="utf-8")).items():
+    _LAYOUTS[_name] = tuple(_joints.split())
+MEDIAPIPE = _LAYOUTS["MediaPipe"]
+_MOST_CHANGE = 0.35  # of a limb's length: more has no body, however noisy its estimator
 
 
 def read_joint_arrays(path: str | Path, options: ReadingOptions = AS_FOUND) -> Markers:
@@ -88,6 +97,37 @@ def _holds_joints(path: Path) -> bool:
         return True
     names = npz_names(path)
     return any(name in names for name in _JOINTS) and not names & {"trans", "transl", "smpl_trans"}
+
+
+def labelled(points: Markers, path: str | Path) -> Markers:
+    """Points (T, J, 3) without names, named by the order of joints that fits; FileFormatError if none does."""
+    count = points.position.shape[1]
+    orders = {name: joints for name, joints in _LAYOUTS.items() if len(joints) == count}
+    named = "Save it as .npz with arrays 'joints', 'fps' and 'joint_names'."
+    if not orders:
+        known = ", ".join(f"{len(joints)} ({name})" for name, joints in _LAYOUTS.items())
+        raise FileFormatError(f"{path}: {count} joints without names; known are {known}. {named}")
+    found = [replace(points, labels=joints) for joints in orders.values()]
+    change, best = min(((_limbs_change(one), index) for index, one in enumerate(found)))
+    if not change < _MOST_CHANGE:
+        raise FileFormatError(
+            f"{path}: as joints of {' or '.join(orders)}, limbs change their length by {100.0 * change:.0f} %. {named}"
+        )
+    return found[best]
+
+
+def _limbs_change(points: Markers) -> float:
+    """How much limbs change over time and from left to right, over their length: upper quartile, mean of the limbs."""
+    joints = joint_points(points)
+    changes: list[float] = []
+    for start, end in (("hip", "kne"), ("kne", "ank"), ("sho", "elb"), ("elb", "wri")):
+        if not all(side + joint in joints for side in "lr" for joint in (start, end)):
+            return np.inf
+        limbs = [joints[side + end] - joints[side + start] for side in "lr"]
+        lengths = np.linalg.norm(limbs, axis=-1)
+        usual = float(np.median(lengths)) + 1e-12
+        changes.append(float(np.quantile(np.abs(lengths - usual), 0.75)) / usual)
+    return float(np.mean(changes))
 
 
 FORMAT = Format(suffixes=(".npy", ".npz"), read=read_joint_arrays, matches=_holds_joints)

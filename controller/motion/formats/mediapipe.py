@@ -14,7 +14,7 @@ from typing import TypeAlias
 import numpy as np
 
 from controller.motion.file_format import Format
-from controller.motion.formats.joint_layouts import MEDIAPIPE
+from controller.motion.formats.joint_arrays import MEDIAPIPE
 from controller.motion.formats.markers.joint_points import turned_over
 from controller.motion.formats.tables import even_times, first_row, is_row, separator_of, words_of
 from controller.motion.markers import FARTHEST, Markers

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from controller.learning.centralized.component_filling import KEPT, by_components
+from controller.learning.centralized.reconstruction import KEPT, by_components
 
 FRAMES, OTHERS, MODES = 200, 30, 2
 MISSING = np.arange(FRAMES) // 50 == 2

@@ -4,10 +4,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import synthetic
-from controller.learning.evaluation.failure_rates import Subject, sweep
+from controller.learning.evaluation.failure_rates import Subject, grouped, sweep, wilson
 from controller.learning.evaluation.tables import failure_table
 from controller.learning.measures.disturbance import STEPS, GuardKnowledge, disturbed
-from controller.learning.measures.intervals import grouped, wilson
 from controller.learning.measures.self_test import after_disturbance, self_test
 from controller.learning.measures.trials import stress_test
 from controller.learning.trainers.echo_state import EchoStateRecipe

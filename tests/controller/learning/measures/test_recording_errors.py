@@ -11,8 +11,7 @@ import pytest
 from bodies import turned, waving
 from command_line import motiondeck
 from controller.deck.motion_generator import MotionGenerator
-from controller.learning.fit import judged
-from controller.learning.judging import judge_against
+from controller.learning.fit import judge_against, judged
 from controller.learning.learn import learn
 from controller.learning.measures.recording_errors import recorded_part, recording_error
 from controller.library.library_header import read_header

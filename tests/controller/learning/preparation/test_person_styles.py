@@ -4,8 +4,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from controller.learning.preparation.cycles import ground_speed
-from controller.learning.preparation.person_styles import person_variants
+from controller.learning.preparation.cycles import ground_speed, person_variants
 from controller.learning.preparation.training_motion import Variant
 from controller.learning.recipe import LibraryRecipe, MotionRecipe
 from controller.learning.trainers.phase_conceptor import PhaseRecipe

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from command_line import invoked
-from controller.learning.judging import judge_against
+from controller.learning.fit import judge_against
 from controller.learning.learn import learn
 from controller.learning.training_set import read_motion
 from controller.library.motion_library import load_library, save_library

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from controller.motion.clip import Clip
-from controller.motion.take.path_unit import in_one_unit
+from controller.motion.take.steps import in_one_unit
 from simulated_bodies import human
 
 
