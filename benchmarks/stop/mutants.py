@@ -471,7 +471,7 @@ MUTANTS = (
         "return turn.zero",
     ),
     Mutant(
-        "actuator: an echo is not skipped", "hardware/bus/echo.py", "tests/hardware/bus/test_echo.py",
+        "actuator: an echo is not skipped", "hardware/bus/port.py", "tests/hardware/bus/test_echo.py",
         "return received[echo:]",
         "return received",
     ),

@@ -12,9 +12,9 @@ import msgspec
 from threadpoolctl import threadpool_limits
 
 from controller.learning.fit import describe_motion, judged
+from controller.learning.measures.disturbance import stress_test
 from controller.learning.measures.recording_errors import recorded_part
 from controller.learning.measures.self_test import Judge, run_free, self_test
-from controller.learning.measures.trials import stress_test
 from controller.learning.recipe import MotionRecipe, check_name, recipe_of
 from controller.learning.trainers.registry import kind_of, trainer_of
 from controller.learning.trainers.trainer import NewMotion

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from controller.learning.measures.accuracy import nrmse
+from controller.learning.measures.disturbance import stress_test, with_trials
 from controller.learning.measures.recording_errors import recorded_part, recording_error
 from controller.learning.measures.self_test import Judge, MotionVerdict, self_test
-from controller.learning.measures.trials import stress_test, with_trials
 from controller.learning.recipe import LibraryRecipe, MotionRecipe, NetworkRecipe, recipe_of
 from controller.learning.recording_analysis import find_skeleton
 from controller.learning.trainers.registry import kind_of, trainer_of

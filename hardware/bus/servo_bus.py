@@ -4,8 +4,7 @@ from collections import Counter, deque
 from collections.abc import Mapping
 from typing import NamedTuple, Self
 
-from hardware.bus.echo import WithoutEcho, returns_what_is_sent
-from hardware.bus.port import Port, SerialPort
+from hardware.bus.port import Port, SerialPort, WithoutEcho, returns_what_is_sent
 from hardware.errors import NoReplyError, RefusedError
 from hardware.families.family import Family
 from hardware.families.frames import BROADCAST, ERRORS, StatusPacket

@@ -1,6 +1,6 @@
 """A servo family as a value: its frames, group reads, identity and locks. The bus and the rig work on this alone."""
 
-# ruff: noqa: D102 (`plain_instructions` documents the instructions)
+# ruff: noqa: D102 (`plain_frames` documents the instructions)
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass

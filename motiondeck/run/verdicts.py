@@ -148,8 +148,8 @@ def loaded(judged: Judged) -> tuple[MotionLibrary, Preflight]:
     from motiondeck.run.robots.walk_choice import able_to_walk
     from sim.models.robot_file import read_robot_file
     from sim.physics.played_motions import load_sampled_robot
-    from sim.physics.preflight.carried_checks import CarriedChecks
     from sim.physics.preflight.preflight import Preflight
+    from sim.physics.preflight.static_checks import CarriedChecks
 
     library, file = load_library(judged.library), read_robot_file(judged.robot)
     body, limits = on_rig(load_sampled_robot(judged.robot, library.skeleton), judged.rig)

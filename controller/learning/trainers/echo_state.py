@@ -12,9 +12,8 @@ from collections.abc import Sequence
 import msgspec
 import numpy as np
 
-from controller.learning.measures.disturbance import Kind
+from controller.learning.measures.disturbance import Kind, failures
 from controller.learning.measures.self_test import Judge
-from controller.learning.measures.trials import failures
 from controller.learning.preparation.training_motion import TrainingMotion
 from controller.learning.trainers.trainer import Lessons, NewMotion, SettledNetwork, Trainer
 from controller.motion.rotations import Array

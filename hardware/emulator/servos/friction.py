@@ -16,7 +16,7 @@ from dataclasses import astuple, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from hardware.families.identified_motor import IdentifiedMotor
+from hardware.families.facts import IdentifiedMotor
 
 Array = NDArray[np.float64]
 

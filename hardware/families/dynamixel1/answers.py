@@ -4,9 +4,8 @@ There is no sync read; MX servos answer a bulk read, each after the one before i
 all answer at once, and nothing can be understood. A reboot is known to MX only, and a factory reset keeps nothing.
 """
 
-from hardware.families import plain_instructions as wire
-from hardware.families.dynamixel1.family import FAMILY
-from hardware.families.dynamixel1.frames import ANGLE_LIMIT, BAD_CHECKSUM, BAD_INSTRUCTION, OUT_OF_RANGE
+from hardware.families import plain_frames as wire
+from hardware.families.dynamixel1.family import ANGLE_LIMIT, BAD_CHECKSUM, BAD_INSTRUCTION, FAMILY, OUT_OF_RANGE
 from hardware.families.emulation import (
     ACCESS,
     BOOT_TIME,

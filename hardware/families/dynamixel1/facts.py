@@ -4,12 +4,9 @@ from dataclasses import replace
 from types import MappingProxyType
 
 from hardware.families.dynamixel1.family import FAMILY
-from hardware.families.facts import FamilyFacts
-from hardware.families.identified_motor import parse_motors
-from hardware.families.rows import file_beside
+from hardware.families.facts import FamilyFacts, Traits, file_beside, parse_motors, parse_traits
 from hardware.families.series import HEAT, OVERLOAD, VOLTAGE, Series
 from hardware.families.table import ControlTable, parse_table
-from hardware.families.traits import Traits, parse_traits
 
 _BAUD_RATES = {207: 9600, 34: 57600, 16: 115200, 1: 1_000_000, 0: 2_000_000}
 _AX = Series(

@@ -2,12 +2,9 @@
 
 import tomllib
 
-from hardware.families.dynamixel2.family import FAMILY
+from hardware.families.dynamixel2.family import FAMILY, TRAITS
 from hardware.families.dynamixel2.tables import numbers, table
-from hardware.families.dynamixel2.traits import TRAITS
-from hardware.families.facts import FamilyFacts
-from hardware.families.identified_motor import parse_motors
-from hardware.families.rows import file_beside
+from hardware.families.facts import FamilyFacts, file_beside, parse_motors
 
 _OTHERS = {
     int(number): (name, why)

@@ -11,12 +11,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cache
 
+from hardware.families.dynamixel2.family import TRAITS, X
 from hardware.families.dynamixel2.sdk_models import Row, model_file, model_numbers
-from hardware.families.dynamixel2.traits import TRAITS, X
+from hardware.families.facts import Traits, file_beside, rows_of
 from hardware.families.register import Register
-from hardware.families.rows import file_beside, rows_of
 from hardware.families.table import ControlTable, parse_table
-from hardware.families.traits import Traits
 
 _P_LAYOUT = file_beside(__file__, "p_series.txt")
 _NOT_IN_PRO_A = ("protocol_type", "startup_configuration", "backup_ready")

@@ -4,7 +4,7 @@ An answer tells the servo's problems, never that an instruction was refused: wha
 broadcast ping is answered in order of ID, as LeRobot expects it.
 """
 
-from hardware.families import plain_instructions as wire
+from hardware.families import plain_frames as wire
 from hardware.families.emulation import (
     BOOT_TIME,
     RESET_BUT_ID,

@@ -6,12 +6,10 @@ step/s, and without bit 4 a position begins anew after a turn.
 
 from types import MappingProxyType
 
-from hardware.families.facts import FamilyFacts
+from hardware.families.facts import FamilyFacts, file_beside, parse_traits
 from hardware.families.feetech.family import FAMILY
-from hardware.families.rows import file_beside
 from hardware.families.series import ENCODER, HEAT, OVERLOAD, VOLTAGE, Series
 from hardware.families.table import parse_table
-from hardware.families.traits import parse_traits
 
 _STS = Series(
     "STS",

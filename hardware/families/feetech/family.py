@@ -5,7 +5,7 @@ from functools import partial
 
 import numpy as np
 
-from hardware.families import plain_instructions as instructions
+from hardware.families import plain_frames as instructions
 from hardware.families.family import Family, Identification
 from hardware.families.frames import BROADCAST, Frame, StatusPacket
 from hardware.families.plain_frames import BEFORE, HEADER, PlainParser, status_length, trailer

@@ -36,7 +36,7 @@ def emulate(
         Literal["fixed", "free"] | None, Option(help="With --robot: fixed in the air (default), or free to fall.")
     ] = None,
     record: Annotated[
-        Path | None, Option(metavar="FILE", help="Record where the shafts really are (emulator/shaft_record.py).")
+        Path | None, Option(metavar="FILE", help="Record where the shafts really are (emulator/pty_server.py).")
     ] = None,
     fresh: Annotated[bool, Option("--fresh", help="Only the first servo, as new: id 1, 57600 baud.")] = False,
 ) -> None:
@@ -80,7 +80,7 @@ def emulate(
     print(motors_said(joint.model for joint in config.joints), file=sys.stderr, flush=True)
     hands, recorded = _hands(config), None
     if record is not None:
-        from hardware.emulator.shaft_record import ShaftRecord
+        from hardware.emulator.pty_server import ShaftRecord
 
         recorded = ShaftRecord(record, config)
 

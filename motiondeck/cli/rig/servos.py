@@ -91,9 +91,8 @@ def setup(
     from hardware.bus.port import lasting_name
     from hardware.bus.servo_bus import Bus
     from hardware.rig.rig_file import BAUD_RATES, load_rig
-    from hardware.tools.bag_setup import set_up_all
     from hardware.tools.rig_writing import set_port
-    from hardware.tools.scan import set_up
+    from hardware.tools.scan import set_up, set_up_all
     from motiondeck.cli.rig.line_input import LineInput
 
     if every == (id is not None) or (every and rig is None):

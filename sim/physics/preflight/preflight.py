@@ -21,8 +21,7 @@ from sim.physics.loads import Loads, loads_of
 from sim.physics.physics_model import feet_of, physics_model
 from sim.physics.playback import PhysicsPlayback
 from sim.physics.played_motions import PlayedMotion, endless_poses, poses_at, targets_at
-from sim.physics.preflight.carried_checks import CarriedChecks
-from sim.physics.preflight.static_checks import ASTRAY, TEN_MINUTES, TICK, StaticChecks, sustained_until
+from sim.physics.preflight.static_checks import ASTRAY, TEN_MINUTES, TICK, CarriedChecks, StaticChecks, sustained_until
 from sim.robots.robot import Limiter, Robot
 from sim.robots.self_collision import SelfCollision
 from sim.robots.verdict import AT_ANY_TEMPO, SLOWEST, Finding, RobotVerdict, fastest_passing, limited

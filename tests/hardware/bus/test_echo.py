@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from benchmarks.simulated_time import EmulatedPort
-from hardware.bus.echo import WithoutEcho
+from hardware.bus.port import WithoutEcho
 from hardware.bus.servo_bus import Bus
 from hardware.emulator.bus import EmulatedBus
 from hardware.rig.rig_file import RigConfig, RigJoint

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from hardware.emulator.bus import EmulatedBus
-from hardware.emulator.shaft_record import ShaftRecord
+from hardware.emulator.pty_server import ShaftRecord
 from hardware.errors import RigError
 
 

@@ -7,7 +7,7 @@ from benchmarks.simulated_time import EmulatedPort
 from hardware.bus.servo_bus import Bus
 from hardware.emulator.bus import EmulatedBus
 from hardware.rig.rig_file import load_rig
-from hardware.tools.bag_setup import set_up_all
+from hardware.tools.scan import set_up_all
 from motiondeck_base.errors import MotiondeckError
 
 ROW = "direction = 1, zero = 2048, lower = -1.0, upper = 1.0, velocity = 4.0"

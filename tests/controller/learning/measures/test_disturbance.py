@@ -6,9 +6,8 @@ from hypothesis import strategies as st
 import synthetic
 from controller.learning.evaluation.failure_rates import Subject, grouped, sweep, wilson
 from controller.learning.evaluation.tables import failure_table
-from controller.learning.measures.disturbance import STEPS, GuardKnowledge, disturbed
+from controller.learning.measures.disturbance import STEPS, GuardKnowledge, disturbed, stress_test
 from controller.learning.measures.self_test import after_disturbance, self_test
-from controller.learning.measures.trials import stress_test
 from controller.learning.trainers.echo_state import EchoStateRecipe
 from controller.networks.guard import Guard, beat, spread
 

@@ -3,8 +3,8 @@ import numpy as np
 import pytest
 
 import synthetic
+from controller.learning.measures.disturbance import FREE_RUN
 from controller.learning.measures.self_test import self_test
-from controller.learning.measures.trials import FREE_RUN
 from controller.learning.reservoirs.aperture_choice import APERTURES, attenuations, by_attenuation, settled_network
 from controller.learning.reservoirs.conceptor_training import conceptor_network, load_reservoir
 from controller.motion.encodings.motion_matching import joint_features

@@ -4,8 +4,8 @@ import pytest
 import synthetic
 from controller.learning.evaluation.evaluation import training_error
 from controller.learning.fit import TrainedNetwork, first_to_pass
+from controller.learning.measures.disturbance import FREE_RUN, failures, with_trials
 from controller.learning.measures.self_test import MotionVerdict
-from controller.learning.measures.trials import FREE_RUN, failures, with_trials
 from controller.learning.recipe import LibraryRecipe, MotionRecipe
 from controller.learning.trainers import echo_state
 from controller.learning.trainers.echo_state import FACTORS, TRAINER, EchoStateRecipe
@@ -77,7 +77,7 @@ def test_what_fails_too_often_does_not_pass():
 
 
 def test_a_motion_that_does_not_run_free_is_not_disturbed(plain, judge, monkeypatch):
-    monkeypatch.setattr("controller.learning.measures.trials.disturbed", lambda *_: pytest.fail("disturbed"))
+    monkeypatch.setattr("controller.learning.measures.disturbance.disturbed", lambda *_: pytest.fail("disturbed"))
     mute = plain.with_motions({"wave": _silent(plain["wave"])})
     assert failures(mute, "wave", ("stability",), judge, 0) == FREE_RUN
 

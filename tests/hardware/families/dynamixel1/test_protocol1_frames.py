@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hardware.families import plain_instructions as wire
-from hardware.families.dynamixel1.frames import as_status
+from hardware.families import plain_frames as wire
+from hardware.families.dynamixel1.family import as_status
 from hardware.families.frames import Frame
 from hardware.families.plain_frames import LONGEST, PlainParser, build, status_length
 

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hardware.families import plain_instructions as wire
+from hardware.families import plain_frames as wire
 from hardware.families.feetech.family import FAMILY, as_status, group_read, lines
 from hardware.families.models import MODELS
 from hardware.families.plain_frames import PlainParser, build
