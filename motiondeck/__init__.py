@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from motiondeck import networks
     from motiondeck.libraries import Library, MotionGenerator, learn, learn_recipe, load_library
-    from motiondeck.live import CommandedMotion, DeckEvent, DeckStatus, LiveDeck, LockState
+    from motiondeck.live import CommandedMotion, DeckEvent, DeckStatus, LiveDeck, LockState, play
     from motiondeck.own_loop import CommandedSwitch, Deck
     from motiondeck.recognition import (
         PoseStream,
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from motiondeck.recordings import Clip, Skeleton, read_recording, save_recording
     from motiondeck.rigs import Rig, open_rig
     from motiondeck.robots import JointMotion, RetargetedFile, Robot, load_robot, retarget_files
-    from motiondeck.starting import play
     from motiondeck_base.errors import MotiondeckError, UnknownNameError
 
 __all__ = [
@@ -65,9 +64,8 @@ __all__ = [
 
 _HOMES = {
     "motiondeck.libraries": ("Library", "MotionGenerator", "learn", "learn_recipe", "load_library"),
-    "motiondeck.live": ("CommandedMotion", "DeckEvent", "DeckStatus", "LiveDeck", "LockState"),
+    "motiondeck.live": ("CommandedMotion", "DeckEvent", "DeckStatus", "LiveDeck", "LockState", "play"),
     "motiondeck.own_loop": ("CommandedSwitch", "Deck"),
-    "motiondeck.starting": ("play",),
     "motiondeck.recognition": (
         "PoseStream",
         "RecognitionStream",

@@ -4,8 +4,7 @@
 Their equations are in the files of `controller/networks`.
 """
 
-from controller.learning.centralized.motion_training import train_centralized
-from controller.learning.centralized.primitive_learning import learn_primitive
+from controller.learning.centralized.motion_training import learn_primitive, train_centralized
 from controller.learning.measures.accuracy import nrmse
 from controller.learning.reservoirs.completion_training import CompletionRecipe, learn_completion
 from controller.learning.reservoirs.conceptor_training import ConceptorRecipe

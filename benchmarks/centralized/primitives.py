@@ -18,7 +18,7 @@ from threadpoolctl import threadpool_limits
 
 from benchmarks import command
 from benchmarks.papers.vakulenko import hands_and_feet
-from controller.learning.centralized.primitive_learning import learn_primitive
+from controller.learning.centralized.motion_training import learn_primitive
 from controller.motion.formats.acclaim.amc import skeleton_of
 from controller.motion.formats.reading import read_clip
 from controller.motion.reading_options import ReadingOptions

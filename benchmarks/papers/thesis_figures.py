@@ -14,7 +14,7 @@ from pathlib import Path
 from controller.learning.preparation.training_motion import TrainingMotion
 from controller.motion.encodings.bone_directions import FIRST_BONE
 from controller.motion.encodings.normalisation import Normalisation
-from controller.motion.formats.mat5 import read_mat
+from controller.motion.formats.jaeger_patterns import read_mat
 from controller.motion.rotations import Array
 from motiondeck_base.errors import FileFormatError
 

@@ -24,7 +24,7 @@ from controller.learning.recognition.experts import (
     readout,
     total,
 )
-from controller.learning.recognition.splits import Indices
+from controller.learning.recognition.labelled_recordings import Indices
 from controller.motion.rotations import Array
 
 NEURONS, GROUPS = 200, 8

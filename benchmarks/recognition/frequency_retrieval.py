@@ -13,8 +13,7 @@ from scipy.spatial.distance import cdist
 from benchmarks.centralized.motion_signature import NUMBERS_A_PART, PARTS, signature
 from benchmarks.recognition.baselines import nearest
 from benchmarks.recognition.methods import Prepare, Scorer
-from controller.learning.recognition.labelled_recordings import Example
-from controller.learning.recognition.splits import Indices
+from controller.learning.recognition.labelled_recordings import Example, Indices
 from controller.motion.encodings.encoding import encoding_of
 from controller.motion.rotations import Array
 

@@ -25,8 +25,7 @@ from controller.learning.recognition.experts import (
     total,
 )
 from controller.learning.recognition.features import FeatureRecipe, features, resampled
-from controller.learning.recognition.labelled_recordings import Example
-from controller.learning.recognition.splits import Indices
+from controller.learning.recognition.labelled_recordings import Example, Indices
 from controller.motion.rotations import Array
 from controller.networks.reservoirs.reservoir import random_reservoir
 

@@ -27,8 +27,7 @@ from benchmarks.recognition.recognition_cost import cost
 from benchmarks.recognition.recognition_plots import draw
 from benchmarks.recognition.unknown import Doubter, nested_unknown_auc, unknown_auc
 from controller.learning.recognition.experts import ExpertRecipe
-from controller.learning.recognition.labelled_recordings import Dataset
-from controller.learning.recognition.splits import PROTOCOLS, Protocol
+from controller.learning.recognition.labelled_recordings import PROTOCOLS, Dataset, Protocol
 from motiondeck.cli.common.options import JsonOption
 from motiondeck.cli.common.tables import show_table
 from motiondeck.cli.recognize import DataArgument, leave, read

@@ -25,8 +25,7 @@ from benchmarks.recognition.contenders import POSITIONS, WITH_VELOCITY, in_commi
 from benchmarks.recognition.folds import measure
 from benchmarks.recognition.methods import Method, Prepare, looking_at
 from controller.learning.recognition.features import features, resampled
-from controller.learning.recognition.labelled_recordings import Example, read_dataset
-from controller.learning.recognition.splits import PROTOCOLS, Protocol
+from controller.learning.recognition.labelled_recordings import PROTOCOLS, Example, Protocol, read_dataset
 from motiondeck_base.errors import UnknownNameError
 
 FRAMES, KERNELS = 96, 4000

@@ -15,7 +15,7 @@ from scipy.stats import rankdata
 
 from benchmarks.recognition.methods import Scorer
 from controller.learning.recognition.experts import margins
-from controller.learning.recognition.splits import Fold, Indices, Protocol, folds
+from controller.learning.recognition.labelled_recordings import Fold, Indices, Protocol, folds
 from controller.motion.rotations import Array
 from motiondeck_base.errors import MotiondeckError
 

@@ -11,8 +11,7 @@ import numpy as np
 from controller.learning.measures.recording_errors import RecordedPart, recorded_part
 from controller.learning.measures.self_test import Judge
 from controller.learning.preparation.cycles import aligned_cycles, person_variants
-from controller.learning.preparation.loops import best_seam, close_loop, hold_end, in_place
-from controller.learning.preparation.pins import pinned
+from controller.learning.preparation.loops import best_seam, close_loop, hold_end, in_place, pinned
 from controller.learning.preparation.takes import read_takes
 from controller.learning.preparation.training_motion import MotionsOnDemand, TrainingMotion, Variant
 from controller.learning.recipe import LibraryRecipe, MotionRecipe, find_recording

@@ -9,8 +9,7 @@ import numpy as np
 
 from controller.learning.recognition.experts import ExpertBank, ExpertRecipe, Moments, margins, teach
 from controller.learning.recognition.features import FeatureRecipe, common_joints, features
-from controller.learning.recognition.labelled_recordings import Dataset
-from controller.learning.recognition.splits import inner_folds
+from controller.learning.recognition.labelled_recordings import Dataset, inner_folds
 from controller.motion.clip import Clip
 from controller.motion.rotations import Array
 from controller.networks.reservoirs.reservoir import Reservoir

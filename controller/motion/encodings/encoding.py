@@ -3,9 +3,8 @@
 ENCODINGS lists them by the name that libraries use. A further one is a class of the same methods, and an entry here.
 """
 
-from controller.motion.encodings.bone_directions import BoneDirections
+from controller.motion.encodings.bone_directions import BoneDirections, JointRotations
 from controller.motion.encodings.joint_angles import JointAngles, JointBody
-from controller.motion.encodings.joint_rotations import JointRotations
 from controller.motion.encodings.robot_joints import RobotJoints
 from controller.motion.skeleton import Skeleton
 

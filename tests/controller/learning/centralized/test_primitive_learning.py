@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from controller.learning.centralized.primitive_learning import learn_primitive
+from controller.learning.centralized.motion_training import learn_primitive
 from controller.networks.centralized.movement_primitive import MovementPrimitive
 from motiondeck_base.errors import MotiondeckError
 

@@ -155,7 +155,7 @@ def test_a_loop_that_does_not_survive_noise_fails_the_stress_test(conceptors, sy
     def dying(kind, network, motion, runs, rng):
         return np.zeros((runs, STEPS, conceptors.channels), dtype=np.float32) + conceptors.anchors("march")[0]
 
-    monkeypatch.setattr("controller.learning.measures.trials.disturbed", dying)
+    monkeypatch.setattr("controller.learning.measures.disturbance.disturbed", dying)
     verdicts = stress_test(conceptors, free, judge, 0)
     assert verdicts["march"].reason == "fails 5 of 5 times when started from noise"
     assert verdicts["bow"].passed

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from controller.learning.preparation.loops import Seam, close_loop
-from controller.learning.preparation.pins import pinned
+from controller.learning.preparation.loops import Seam, close_loop, pinned
 from controller.motion.clip import Clip
 from controller.motion.encodings.bone_directions import BoneDirections
 from controller.motion.rotations import between, continuous

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from controller.learning.recognition.splits import PROTOCOLS, folds, inner_folds
+from controller.learning.recognition.labelled_recordings import PROTOCOLS, folds, inner_folds
 from motiondeck_base.errors import MotiondeckError
 
 LABELS = np.repeat([0, 1, 2], 8)

@@ -6,9 +6,8 @@ from hypothesis import strategies as st
 
 import synthetic
 from controller.motion.clip import Clip
-from controller.motion.encodings.bone_directions import FIRST_BONE, BoneDirections
+from controller.motion.encodings.bone_directions import FIRST_BONE, BoneDirections, JointRotations
 from controller.motion.encodings.encoding import encoding_of
-from controller.motion.encodings.joint_rotations import JointRotations
 from controller.motion.rotations import conjugate, from_rotation_vector, multiply, normalise, to_rotation_vector
 
 
