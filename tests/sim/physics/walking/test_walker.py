@@ -183,11 +183,13 @@ def test_a_tilted_trunk_does_not_turn_the_sole_that_lands():
         seen.qpos[:] = goal
         data.qpos[3:7] = multiply(from_rotation_vector(np.array([-np.radians(8.0), 0.0, 0.0])), goal[3:7])
         mujoco.mj_kinematics(model, seen)
+        # Seen from ahead: over heel and toe the soles roll by themselves.
+        left = np.array([-np.sin(pose.heading), np.cos(pose.heading), 0.0])
         up = [seen.xmat[model.body(foot.body).id].reshape(3, 3) @ foot.axes[:, 2] for foot in feet]
-        off_level.append(np.degrees(np.arccos(min(1.0, up[0] @ up[1]))))
+        off_level.append(np.degrees(abs(np.arcsin(up[0] @ left) - np.arcsin(up[1] @ left))))
         raised.append(np.ptp([seen.xpos[model.body(foot.body).id][2] for foot in feet]) > 0.01)
     assert sum(raised) > 30
-    assert np.mean(np.array(off_level)[raised]) < 3.0
+    assert np.mean(np.array(off_level)[raised]) < 2.0
 
 
 def leaning(direction, ticks=30):
