@@ -1,12 +1,9 @@
 """A clip in the browser: the human with its bones, a robot, footprints, and a time bar."""
 
-import contextlib
-import os
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from html import escape
-from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -16,6 +13,7 @@ from numpy.typing import NDArray
 from controller.motion.decision import Decision
 from controller.motion.rotations import Array
 from motiondeck.page.body.footprints import Print
+from motiondeck.page.body.live_marks import add_print
 from motiondeck.page.figures import BAD, UNSURE
 from motiondeck.page.scene import Follower, Scene
 from motiondeck.page.web.private_page import PrivatePage
@@ -83,9 +81,7 @@ class Act:
 
 def show(act: Act, port: int, ends: Callable[[], bool] = lambda: False) -> None:
     """Shows a clip on a page of this machine until it is ended; PortError if the port is taken."""
-    # viser announces itself on standard output, which is kept for results.
-    with Path(os.devnull).open("w") as nowhere, contextlib.redirect_stdout(nowhere):
-        page = PrivatePage(port, label=act.title)
+    page = PrivatePage(port, label=act.title)
     try:
         stage = _Stage(page, act)
         last = time.monotonic()
@@ -147,17 +143,8 @@ class _Stage:
         thick = 0.007 * self._scene.height
         if act.bones.shape[1]:
             self._bones = scene.add_line_segments("/act/bones", act.bones[0].astype(np.float32), BONE, thickness=thick)
-        faces = np.array([[0, 1, 2], [0, 2, 3], [2, 1, 0], [3, 2, 0]], dtype=np.uint32)
         self._prints = [
-            scene.add_mesh_simple(
-                f"/act/print{number}",
-                mark.corners.astype(np.float32),
-                faces,
-                color=PRINT,
-                opacity=0.55,
-                flat_shading=True,
-                visible=False,
-            )
+            add_print(page, f"/act/print{number}", mark.corners, PRINT, visible=False)
             for number, mark in enumerate(act.prints)
         ]
         self._marks = [

@@ -16,8 +16,8 @@ from motiondeck.page.learning.hand_recorder import HandRecorder
 from motiondeck.page.learning.learn_panel import LearnPanel
 from motiondeck.page.network.network_view import NetworkView
 from motiondeck.page.panel import Panel
-from motiondeck.page.rig.joint_glow import JointGlow
 from motiondeck.page.rig.rig_panel import RigPanel
+from motiondeck.page.rig.servo_look import JointGlow
 from motiondeck.page.rig.servo_tables import query_through
 from motiondeck.page.scene import Follower, Scene
 from motiondeck.page.timeline import Timeline

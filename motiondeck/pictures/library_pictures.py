@@ -195,7 +195,7 @@ def _shots(
     stage = KinematicPlayback(body)
     if spec.physics:
         stage = PhysicsPlayback(body, dt, spec.root, spec.balance, spec.walk)
-    watch = StepWatch(body.model, feet_of(body), body_height(body.model)) if look.footprints else None
+    watch = StepWatch(feet_of(body), body_height(body.model)) if look.footprints else None
     waiting, prints, ghost = deque(timeline), deque[Array](maxlen=PRINTS), body.model.qpos0.copy()
     started, done = False, 0
     for picture in range(total):

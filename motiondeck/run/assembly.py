@@ -145,7 +145,11 @@ def _assemble(opening: ExitStack, stop: StopRequest, spec: RunSpec, played: Play
     for pushable in filter(None, (robot.pushable for robot in robots)):
         # The clock of its events is the deck's, as of all others; the approach comes before.
         pushable.attach(lambda: deck.time, lambda: stop.holds)
-    measured = _measured_by(channels[0], len(first.own_joints))
+    channel, own = channels[0], len(first.own_joints)
+
+    def measured() -> Array | None:
+        return None if channel.measured is None else channel.measured[:own]
+
     lead = Lead(channels, len(joints), clock.period)
     if isinstance(deck, RecordedDeck):
         deck.lead = lead.seconds
@@ -172,8 +176,7 @@ def _assemble(opening: ExitStack, stop: StopRequest, spec: RunSpec, played: Play
     snapshots = SnapshotSource(deck, body, watch, kept_apart)
     shown = None
     if page is not None:
-        from motiondeck.run.page.contents import PageContents
-        from motiondeck.run.page.page import Page
+        from motiondeck.run.page.page import Page, PageContents
 
         human, learns = played.human(deck), host.restarts
         contents = PageContents(
@@ -253,11 +256,6 @@ def _leader(opening: ExitStack, spec: RunSpec) -> LeaderLink | None:
     link = LeaderLink.to(str(spec.lock_to))
     opening.callback(link.close)
     return link
-
-
-def _measured_by(channel: Channel, joints: int) -> Callable[[], Array | None]:
-    """Returns the first joints that a channel measures, rad, as far as they are known."""
-    return lambda: None if channel.measured is None else channel.measured[:joints]
 
 
 def _servos(robot: RobotOnDeck) -> RigOutput | None:

@@ -26,8 +26,7 @@ from controller.wire.messages.deck_snapshot import SnapshotSource, TickHealth
 from controller.wire.messages.replies import Refused
 from controller.wire.stop_door import StopDoor
 from motiondeck.run.beside.child_process import Children
-from motiondeck.run.progress_line import progress_line
-from motiondeck.run.report import RunNews, run_report
+from motiondeck.run.report import RunNews, progress_line, run_report
 from motiondeck.run.robots.robot_on_deck import RobotOnDeck
 from motiondeck.run.spec.run_spec import RunSpec
 from motiondeck.run.spec.script import Timed
@@ -39,8 +38,7 @@ if TYPE_CHECKING:  # page, recorder and recognition are imported by a run that h
     from controller.loop.run_phases import Player
     from motiondeck.run.beside.tick_recorder import TickRecorder
     from motiondeck.run.guard.guarded_rig import GuardedRig
-    from motiondeck.run.page.contents import ShownDeck
-    from motiondeck.run.page.page import Page
+    from motiondeck.run.page.page import Page, ShownDeck
     from motiondeck.run.recognition.watches import Watch
 
     class PlayableDeck(Player, Playback, ShownDeck, Protocol):

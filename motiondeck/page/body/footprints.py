@@ -32,15 +32,18 @@ class Print:
 
 def soles(model: mujoco.MjModel, frames: Array, feet: Sequence[Foot]) -> Array:
     """Where the corners of the feet are, shape (T, F, 4, 3), m, in frames of qpos (T, nq)."""
-    data = mujoco.MjData(model)
-    bodies = [model.body(foot.body).id for foot in feet]
-    out = np.empty((len(frames), len(feet), 4, 3))
+    data, out = mujoco.MjData(model), np.empty((len(frames), len(feet), 4, 3))
     for frame, qpos in enumerate(frames):
         data.qpos[:] = qpos
         mujoco.mj_kinematics(model, data)
-        for index, (foot, body) in enumerate(zip(feet, bodies, strict=True)):
-            out[frame, index] = data.xpos[body] + foot.corners @ data.xmat[body].reshape(3, 3).T
+        for index, foot in enumerate(feet):
+            out[frame, index] = _corners(foot, data)
     return out
+
+
+def _corners(foot: Foot, data: mujoco.MjData) -> Array:
+    body = data.body(foot.body)
+    return body.xpos + foot.corners @ body.xmat.reshape(3, 3).T
 
 
 def standing(corners: Array, rate: float, height: float) -> NDArray[np.bool_]:
@@ -77,10 +80,9 @@ def footprints(model: mujoco.MjModel, corners: Array, stands: NDArray[np.bool_])
 class StepWatch:
     """Sees, picture by picture, which feet of a running robot stand and which have left a print."""
 
-    def __init__(self, model: mujoco.MjModel, feet: Sequence[Foot], height: float) -> None:
-        """Args: the robot, its feet, and how high it is, m."""
+    def __init__(self, feet: Sequence[Foot], height: float) -> None:
+        """Args: the feet of the robot, and how high it is, m."""
         self._feet, self._height = feet, height
-        self._bodies = [model.body(foot.body).id for foot in feet]
         self.corners = np.zeros((len(feet), 4, 3))  # of the soles at the last picture, shape (F, 4, 3), m
         self.stands = np.zeros(len(feet), dtype=bool)  # which feet stand, shape (F,)
         self._started, self._ground = False, np.inf
@@ -90,8 +92,7 @@ class StepWatch:
         """The corners (4, 3), m, of the prints that are left dt seconds after the last picture."""
         if not self._feet:
             return []
-        places = ((data.xpos[body], data.xmat[body].reshape(3, 3)) for body in self._bodies)
-        corners = np.array([at + foot.corners @ turn.T for foot, (at, turn) in zip(self._feet, places, strict=True)])
+        corners = np.array([_corners(foot, data) for foot in self._feet])
         before = self.corners if self._started else corners
         self.corners, self._started = corners, True
         low = corners[..., 2].min(axis=1)

@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 import mujoco
 import numpy as np
+import viser
 
 from controller.motion.rotations import Array
 from motiondeck.page.body.drawn_model import DrawnModel
@@ -72,6 +73,16 @@ PRINT, STANDS = (120, 130, 145), (38, 110, 200)
 _FACES = np.array([[0, 1, 2], [0, 2, 3], [2, 1, 0], [3, 2, 0]], dtype=np.uint32)
 
 
+def add_print(
+    page: PrivatePage, name: str, corners: Array, colour: tuple[int, int, int], *, visible: bool = True
+) -> viser.MeshHandle:
+    """A footprint on the floor, of the corners (4, 3), m, of a sole."""
+    points = corners.astype(np.float32)
+    return page.scene.add_mesh_simple(
+        name, points, _FACES, color=colour, opacity=0.55, flat_shading=True, visible=visible
+    )
+
+
 class LiveSteps:
     """Marks on the floor of a page."""
 
@@ -79,7 +90,7 @@ class LiveSteps:
         """Finds the feet of a robot that stands at rest (nq,) and is so high, m."""
         self._page = page
         feet = find_feet(model, rest)
-        self._steps = StepWatch(model, feet, height)
+        self._steps = StepWatch(feet, height)
         scene = page.scene
         self._floor = scene.add_frame("/steps", show_axes=False)
         self.marks = [
@@ -101,11 +112,5 @@ class LiveSteps:
             mark.visible = bool(self._steps.stands[foot])
             mark.position = tuple(self._steps.corners[foot].mean(axis=0))
         for corners in left:
-            self._leave(corners)
-
-    def _leave(self, corners: Array) -> None:
-        name = f"/steps/print{self._prints % PRINTS}"
-        self._page.scene.add_mesh_simple(
-            name, corners.astype(np.float32), _FACES, color=PRINT, opacity=0.55, flat_shading=True
-        )
-        self._prints += 1
+            add_print(self._page, f"/steps/print{self._prints % PRINTS}", corners, PRINT)
+            self._prints += 1

@@ -44,7 +44,7 @@ def open_correction(
     emulated: bool,
 ) -> Correction | None:
     """The correction of a rig whose file asks for one, as it was learned so far; `opening` keeps what it learns."""
-    config = rig.config
+    config = rig.rig.config
     if not config.follow.learn:
         return None
     file, digest = _file(config, library.name), _digest(config, robot, library, emulated=emulated)

@@ -23,10 +23,9 @@ from motiondeck.run.guard.guarded_rig import guard_process
 from motiondeck.run.robots.rig_output import RigOutput, open_rig
 from motiondeck.run.spec.run_spec import RunSpec, is_emulated, options
 from motiondeck_base.errors import MotiondeckError
-from sim.models.rig_figure import groups_of
 from sim.physics.kinematic_playback import KinematicPlayback
 from sim.robots.joint_groups import Groups, named_groups
-from sim.robots.rig_robot import rig_robot
+from sim.robots.rig_robot import groups_of, rig_robot
 from sim.robots.robot import Robot
 
 # What a joint may do whose acceleration the rig file leaves open, rad/s^2; the jerk brings it there in 20 ms.
@@ -45,8 +44,8 @@ class RigFigure(KinematicPlayback):
     def write(self, targets: Array, pose: Pose) -> None:
         """Places the targets (J,), rad, and the measured joints."""
         self._robot.layout.place(targets, self.wanted)
-        self._robot.layout.place(self._rig.positions, self.qpos)
-        self._measured, self._writes = self._rig.positions, self._writes + 1
+        self._robot.layout.place(self._rig.rig.positions, self.qpos)
+        self._measured, self._writes = self._rig.rig.positions, self._writes + 1
 
 
 def open_rig_alone(
@@ -68,12 +67,12 @@ def open_rig_alone(
     channel, _ = open_rig(opening, guard, file, robot, spec.rate, emulated=emulated)
     output = channel.output
     assert isinstance(output, RigOutput)
-    retarget = JointRetargeter(source.skeleton, robot.joints, output.positions.copy())
+    retarget = JointRetargeter(source.skeleton, robot.joints, output.rig.positions.copy())
     # A clip that limits have held back still comes to its last frame; a library ends where it stops.
     limits, rest = robot.limits, None
     if isinstance(source, Clip):
         rest = np.clip(_targets(source, retarget)[-1], limits.lower, limits.upper)
-    groups = groups_of(robot.joints) | named_groups(str(file), robot.joints, output.config.groups)
+    groups = groups_of(robot.joints) | named_groups(str(file), robot.joints, output.rig.config.groups)
     return replace(robot, retarget=retarget), rest, channel, RigFigure(robot, output), groups
 
 

@@ -33,7 +33,6 @@ if TYPE_CHECKING:
     from hardware.rig.driving.register_reading import RegisterReading
     from hardware.rig.rig_file import RigConfig, RigJoint
     from hardware.rig.supervision.rig import Rig
-    from hardware.rig.supervision.servo_states import ServoStates
     from hardware.rig.switching.identities import PortScan
     from motiondeck.page.web.page_state import RigDescription
     from sim.robots.robot import Robot
@@ -88,7 +87,7 @@ class RigOutput:
     def __init__(self, rig: Rig | GuardedRig, joints: tuple[str, ...], hz: float) -> None:
         check_joints(rig.names, joints)
         self.name = "rig"
-        self._rig = rig
+        self.rig = rig
         self.guarded = rig if isinstance(rig, GuardedRig) else None
         self._hz = hz
         self._order = np.array([joints.index(name) for name in rig.names])
@@ -115,7 +114,7 @@ class RigOutput:
             raise
 
     def _exchange(self, targets: Array) -> None:
-        rig = self._rig
+        rig = self.rig
         collected = rig.collect_state()
         age = self._age
         if collected:
@@ -153,26 +152,6 @@ class RigOutput:
         return self.guarded is None or self.guarded.at_rest
 
     @property
-    def config(self) -> RigConfig:
-        """What its rig file says."""
-        return self._rig.config
-
-    @property
-    def positions(self) -> Array:
-        """The latest measured positions in the order of the rig file, rad."""
-        return self._rig.positions
-
-    @property
-    def states(self) -> ServoStates:
-        """What each servo does now, in the order of the rig file."""
-        return self._rig.states
-
-    @property
-    def count(self) -> int:
-        """The number of servos."""
-        return len(self._rig.names)
-
-    @property
     def description(self) -> RigDescription:
         """The servos for the page."""
         from hardware.rig.supervision.servo_states import CONDITIONS
@@ -180,7 +159,7 @@ class RigOutput:
 
         servos = [
             ServoDescription(one.name, one.id, one.model, one.lower, one.upper, one.hottest)
-            for one in self._rig.config.joints
+            for one in self.rig.config.joints
         ]
         return RigDescription(list(CONDITIONS), self._hz, servos)
 
@@ -188,25 +167,25 @@ class RigOutput:
         """Takes a joint's torque off, or has it set up and switched on where it stands; UnknownNameError without it."""
         place = self._place(joint)
         if on:
-            self._rig.set_up_again(place)
+            self.rig.set_up_again(place)
         else:
-            self._rig.switch_off(place)
+            self.rig.switch_off(place)
 
     def restart(self, joint: str) -> None:
         """Has the servo of a joint restarted and set up again; MotiondeckError if there is none, or it cannot be."""
-        self._rig.restart(self._place(joint))
+        self.rig.restart(self._place(joint))
 
     def registers(self, joint: str, write: tuple[str, int] | None = None) -> RegisterQuery:
         """Has a servo's registers read, after a count is written into one of them; MotiondeckError if it cannot."""
         place = self._place(joint)
-        return RegisterQuery(self._rig.config.joints[place], self._rig.registers(place, write))
+        return RegisterQuery(self.rig.config.joints[place], self.rig.registers(place, write))
 
     def scan(self) -> PortQuery:
         """Scans the rig's ports for servos; MotiondeckError if that would end the run now."""
-        return PortQuery(self._rig.scan())
+        return PortQuery(self.rig.scan())
 
     def _place(self, joint: str) -> int:
-        names = self._rig.names
+        names = self.rig.names
         if joint not in names:
             raise UnknownNameError.among("joint", joint, names)
         return names.index(joint)
@@ -214,16 +193,16 @@ class RigOutput:
     @property
     def incidents(self) -> list[str]:
         """What has happened to its servos lately, in words, in order of time."""
-        return [f"{incident.source} {incident.what}" for incident in self._rig.incidents]
+        return [f"{incident.source} {incident.what}" for incident in self.rig.incidents]
 
     @property
     def news(self) -> list[str]:
         """Those of them that are no faults."""
-        return [f"{incident.source} {incident.what}" for incident in self._rig.incidents if not incident.fault]
+        return [f"{incident.source} {incident.what}" for incident in self.rig.incidents if not incident.fault]
 
     def report(self) -> Mapping[str, object]:
         """The rig's part of the report of the run."""
-        rig, report = self._rig, self._rig.report
+        rig, report = self.rig, self.rig.report
         return {
             "kind": "servos",
             "joints": len(rig.names),
@@ -240,7 +219,7 @@ class RigOutput:
 
     def close(self) -> None:
         """Ends the rig as its file says, and names the joints that did not confirm it."""
-        close_rig(self._rig)
+        close_rig(self.rig)
 
 
 def close_rig(rig: Rig | GuardedRig) -> None:

@@ -8,8 +8,7 @@ import pytest
 
 from controller.loop.stop_requests import StopRequest
 from controller.loop.stop_state import StopState
-from motiondeck.run.progress_line import PERIOD, progress_line, words_of
-from motiondeck.run.report import summary
+from motiondeck.run.report import PERIOD, progress_line, summary, words_of
 
 
 class Terminal(io.StringIO):

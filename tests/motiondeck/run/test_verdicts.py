@@ -145,7 +145,7 @@ def test_the_page_has_the_same_words(judged):
     from contextlib import ExitStack
 
     from controller.deck.deck import Deck
-    from motiondeck.run.page.contents import PageContents
+    from motiondeck.run.page.page import PageContents
     from motiondeck.run.robots.robot_on_deck import open_robots
     from motiondeck.run.spec.run_spec import RunSpec
 

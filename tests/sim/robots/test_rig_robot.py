@@ -9,9 +9,8 @@ from hypothesis import strategies as st
 from controller.deck.interfaces import JointLimits
 from controller.motion.encodings.joint_angles import JointBody
 from motiondeck_base.errors import FileFormatError, UnknownNameError
-from sim.models.rig_figure import rows_of
 from sim.models.scenery import LABEL
-from sim.robots.rig_robot import rig_robot
+from sim.robots.rig_robot import rig_robot, rows_of
 
 SWING = """<mujoco><worldbody><body name="foot"><geom size=".05"/><body name="arm" pos="0 0 .1">
 <joint name="{first}" axis="0 1 0"/><geom type="capsule" size=".02" fromto="0 0 0 0 0 .3"/>

@@ -8,8 +8,7 @@ import pytest
 from controller.deck.routes import Routes
 from controller.wire.messages.commands import Blend, Jump, Queue, Switch
 from controller.wire.messages.deck_snapshot import DeckSnapshot
-from motiondeck.page.motions.library_glance import MOST, Partners, blends_of, pictures_of
-from motiondeck.page.motions.motion_controls import MotionControls
+from motiondeck.page.motions.motion_controls import MOST, MotionControls, Partners, blends_of, pictures_of
 from motiondeck.page.panel import Panel
 from motiondeck.page.web.page_state import PageDescription
 from motiondeck.page.web.parts import PageParts

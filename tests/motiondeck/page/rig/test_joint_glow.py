@@ -4,8 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from motiondeck.page.rig.joint_glow import JointGlow
-from motiondeck.page.rig.servo_look import ServoLook
+from motiondeck.page.rig.servo_look import JointGlow, ServoLook
 from motiondeck.page.web.private_page import PrivatePage
 from waiting import free_port
 

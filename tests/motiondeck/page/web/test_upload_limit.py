@@ -9,8 +9,8 @@ import viser
 import websockets.sync.client
 
 from benchmarks.deck.page import CAMERA
+from motiondeck.page.learning.learn_panel import limit_uploads
 from motiondeck.page.web.private_page import PrivatePage
-from motiondeck.page.web.upload_limit import limit_uploads
 from waiting import free_port, until
 
 MOST = 1000

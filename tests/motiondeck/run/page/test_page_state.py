@@ -11,8 +11,7 @@ from controller.loop.loop import LoopState
 from controller.loop.stop_requests import StopRequest
 from controller.wire.messages.deck_snapshot import SnapshotSource
 from controller.wire.telemetry import StateReader
-from motiondeck.run.page.contents import PageContents
-from motiondeck.run.page.page import Page
+from motiondeck.run.page.page import Page, PageContents
 
 DT = 0.01
 
