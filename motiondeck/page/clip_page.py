@@ -1,5 +1,7 @@
 """A clip in the browser: the human with its bones, a robot, footprints, and a time bar."""
 
+import contextlib
+import io
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -81,7 +83,9 @@ class Act:
 
 def show(act: Act, port: int, ends: Callable[[], bool] = lambda: False) -> None:
     """Shows a clip on a page of this machine until it is ended; PortError if the port is taken."""
-    page = PrivatePage(port, label=act.title)
+    # viser announces itself on standard output, which is kept for results.
+    with contextlib.redirect_stdout(io.StringIO()):
+        page = PrivatePage(port, label=act.title)
     try:
         stage = _Stage(page, act)
         last = time.monotonic()

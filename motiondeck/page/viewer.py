@@ -106,7 +106,9 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--port", type=int, required=True, help="where to serve the page, on loopback")
     options = parser.parse_args(arguments)
     try:
-        view(options.state, options.command_port, options.port)
+        # viser announces itself on standard output, which belongs to the deck that started this process.
+        with Path(os.devnull).open("w") as nowhere, contextlib.redirect_stdout(nowhere):
+            view(options.state, options.command_port, options.port)
     except MotiondeckError as error:
         print(f"motiondeck: {error}", file=sys.stderr)
         return 1

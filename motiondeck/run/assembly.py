@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -132,8 +132,7 @@ def _assemble(opening: ExitStack, stop: StopRequest, spec: RunSpec, played: Play
         guarded[0].watch_stops(port, str(spec.stop_input) if spec.stop_input is not None else None)
         wired = guarded[0].wire
     else:
-        door = StopDoor(port)
-        opening.callback(door.close)
+        door = opening.enter_context(closing(StopDoor(port)))
         wired = _wired_stop(opening, spec)
     channels = channels_of(robots)
     if spec.outputs:
@@ -230,9 +229,7 @@ def _wired_stop(opening: ExitStack, spec: RunSpec) -> WiredStop | None:
         return None
     from hardware.tools.stop_input import open_stop_input
 
-    wired = open_stop_input(Path(spec.stop_input))
-    opening.callback(wired.close)
-    return wired
+    return opening.enter_context(closing(open_stop_input(Path(spec.stop_input))))
 
 
 def _servers(opening: ExitStack, spec: RunSpec) -> list[CommandServer]:
@@ -242,20 +239,16 @@ def _servers(opening: ExitStack, spec: RunSpec) -> list[CommandServer]:
     if spec.listen is not None and spec.token_file is not None:
         from controller.wire.authentication import read_token
 
-        servers.append(CommandServer(port, spec.listen, read_token(Path(spec.token_file))))
-        opening.callback(servers[0].close)
-        port = servers[0].port
-    servers.append(CommandServer(port))
-    opening.callback(servers[-1].close)
-    return servers
+        server = CommandServer(port, spec.listen, read_token(Path(spec.token_file)))
+        servers.append(opening.enter_context(closing(server)))
+        port = server.port
+    return [*servers, opening.enter_context(closing(CommandServer(port)))]
 
 
 def _leader(opening: ExitStack, spec: RunSpec) -> LeaderLink | None:
     if spec.lock_to in (None, "beat", "body"):
         return None
-    link = LeaderLink.to(str(spec.lock_to))
-    opening.callback(link.close)
-    return link
+    return opening.enter_context(closing(LeaderLink.to(str(spec.lock_to))))
 
 
 def _servos(robot: RobotOnDeck) -> RigOutput | None:
@@ -280,7 +273,7 @@ def _correction(
     rig, source = _servos(robots[0]), played.source
     if len(robots) > 1 or rig is None or not isinstance(deck, Deck) or not isinstance(source, MotionLibrary):
         return None
-    emulated = spec.rig is not None and is_emulated(spec.rig)
+    emulated = is_emulated(spec.rig)
     from motiondeck.run.robots.learned_follow import open_correction
 
     robot = robots[0]

@@ -11,8 +11,6 @@ from controller.deck.joins.deck_motions import Motion, read_motions
 from controller.deck.routes import Routes
 from controller.library.motion_library import MotionLibrary
 from controller.motion.clip import Clip
-from controller.motion.posture import Pose
-from controller.motion.rotations import Array
 from sim.physics.played_motions import DT, PlayedMotion
 from sim.robots.robot import Robot
 
@@ -92,15 +90,10 @@ def _played(name: str, deck: Deck, count: int, *, loop: bool) -> PlayedMotion:
 
 def as_clip(library: MotionLibrary, motion: str, seconds: float, rate: float) -> Clip:
     """One motion of a library as a clip of so many seconds at a rate, Hz."""
-    deck = Deck(library, _no_joints, motion)
+    deck = Deck(library, lambda pose: np.zeros(0), motion)  # only its poses are needed
     places, turns = [], []
     for _ in range(round(seconds * rate)):
         _, pose = deck.update(1.0 / rate)
         places.append(pose.root_position.copy())
         turns.append(pose.rotation.copy())
     return Clip(motion, library.skeleton, rate, np.array(places), np.array(turns))
-
-
-def _no_joints(pose: Pose) -> Array:
-    """Stands in for a retargeter where only poses are needed."""
-    return np.zeros(0)

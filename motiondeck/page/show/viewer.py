@@ -10,6 +10,7 @@ import socket
 import sys
 import time
 from collections.abc import Callable
+from contextlib import redirect_stdout
 from pathlib import Path
 
 import msgspec
@@ -138,8 +139,9 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--port", type=int, required=True, help="where to serve the page, on loopback")
     options = parser.parse_args(arguments)
     try:
-        with socket.socket(fileno=os.dup(0)) as conductor:
-            view(conductor, options.port)
+        # viser announces itself on standard output, which belongs to the conductor.
+        with Path(os.devnull).open("w") as nowhere, redirect_stdout(nowhere), socket.socket(fileno=os.dup(0)) as given:
+            view(given, options.port)
     except MotiondeckError as error:
         print(f"motiondeck: {error}", file=sys.stderr)
         return 1

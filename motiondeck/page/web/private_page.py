@@ -7,7 +7,6 @@ happen to the panel of a robot.
 """
 
 import contextlib
-import io
 import logging
 import os
 import socket
@@ -38,8 +37,7 @@ class PrivatePage(viser.ViserServer):
         os.environ.pop("_VISER_PORT_OVERRIDE", None)
         # A client that connects and leaves again is not worth a traceback in the deck's terminal.
         logging.getLogger("websockets.server").setLevel(logging.CRITICAL)
-        # viser announces itself on standard output, which is kept for results.
-        with _own_pages_only(port), contextlib.redirect_stdout(io.StringIO()):
+        with _own_pages_only(port):
             super().__init__(host=LOOPBACK, port=port, label=label, verbose=False)
         if self.get_port() != port:
             # viser moves on to the next free port when it loses a race for this one.

@@ -4,7 +4,7 @@ import socket
 import subprocess
 import time
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from importlib.util import find_spec
 
 import msgspec
@@ -47,9 +47,7 @@ class ShowMember:
                 raise MotiondeckError("the deck cannot take part in the show: see above")
             time.sleep(0.02)
         client.close()
-        link = LeaderLink.to(str(self._port))
-        opening.callback(link.close)
-        return link
+        return opening.enter_context(closing(LeaderLink.to(str(self._port))))
 
 
 @contextmanager

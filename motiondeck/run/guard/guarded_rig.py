@@ -26,8 +26,7 @@ from hardware.rig.rig_file import RigConfig
 from hardware.rig.supervision.health import Incident
 from hardware.rig.supervision.servo_states import ServoStates
 from motiondeck.run.guard import messages
-from motiondeck.run.guard.link import GuardLink
-from motiondeck.run.guard.messages import Begin, Note, States, Targets
+from motiondeck.run.guard.messages import Begin, GuardLink, Note, States, Targets
 
 Array = NDArray[np.float64]
 

@@ -28,59 +28,10 @@ from hardware.rig.supervision.rig import Rig
 from hardware.rig.switching.identities import PortScan
 from motiondeck.run.guard import messages
 from motiondeck.run.guard.guard import RigGuard
-from motiondeck.run.guard.link import GuardLink
-from motiondeck.run.guard.messages import Begin, Note, Request, States, Targets
+from motiondeck.run.guard.messages import Begin, GuardLink, Note, Request, States, Targets
 from motiondeck_base.errors import MotiondeckError, in_words
 
 _REST_WITHIN = 5.0  # s
-
-
-class RigRequests:
-    """What a deck asks of servos beside their targets; none waits, and answers come when the servos have replied."""
-
-    def __init__(self, rig: Rig) -> None:
-        self._rig = rig
-        self._readings: list[tuple[int, RegisterReading]] = []
-        self._scans: list[tuple[int, PortScan]] = []
-        self._refused: list[Note] = []
-
-    def take(self, request: Request) -> None:
-        """Starts what a request asks for."""
-        rig = self._rig
-        match request:
-            case messages.SwitchTorque(joint=joint, on=on):
-                if on:
-                    rig.set_up_again(joint)
-                else:
-                    rig.switch_off(joint)
-            case messages.Restart(joint=joint):
-                rig.restart(joint)
-            case messages.QueryRegisters(number=number, joint=joint, write=write):
-                try:
-                    self._readings.append((number, rig.registers(joint, write)))
-                except MotiondeckError as error:
-                    self._refused.append(messages.RegistersRead(number, {}, str(error)))
-            case messages.QueryPorts(number=number):
-                try:
-                    self._scans.append((number, rig.scan()))
-                except MotiondeckError as error:
-                    self._refused.append(messages.Scanned(number, [], [], str(error)))
-            case Begin() | messages.WatchStops() | messages.QueryReport() | messages.CloseRig():
-                pass  # the process has them
-
-    def answers(self) -> Iterator[Note]:
-        """The answers that have come since the last call."""
-        while self._refused:
-            yield self._refused.pop(0)
-        for waiting in [one for one in self._readings if one[1].done]:
-            self._readings.remove(waiting)
-            number, reading = waiting
-            yield messages.RegistersRead(number, reading.counts, reading.failure)
-        for number, scan in self._scans:
-            if scan.found is not None:
-                found = [(joint, one.id, one.model, one.firmware) for joint, one in scan.found]
-                yield messages.Scanned(number, found, scan.missing, "")
-        self._scans = [one for one in self._scans if one[1].found is None]
 
 
 class GuardService:
@@ -98,7 +49,8 @@ class GuardService:
         period = 1.0 / config.rate_hz
         envelope = SafetyEnvelope(limits, period)
         self.guard = RigGuard(rig, envelope, self._targets, period, time.monotonic())
-        self._requests = RigRequests(rig)
+        self._readings: list[tuple[int, RegisterReading]] = []
+        self._scans: list[tuple[int, PortScan]] = []
         self._incidents: Incident | None = None
         self._reported_failure = ""
         self.closing = self.stopped = False  # whether the deck, or a signal, has asked for the end
@@ -129,14 +81,34 @@ class GuardService:
                 until = now + _REST_WITHIN
 
     def _answer(self, request: Request) -> None:
-        if isinstance(request, messages.CloseRig):
-            self.closing = True
-        elif isinstance(request, messages.QueryReport):
-            self._link.send(messages.ReportNote(self._rig.report))
-        elif isinstance(request, messages.WatchStops):
-            self._watch(request)
-        else:
-            self._requests.take(request)
+        """Does what a deck asks beside its targets; none waits: answers of servos are sent when they have come."""
+        link, rig = self._link, self._rig
+        match request:
+            case messages.CloseRig():
+                self.closing = True
+            case messages.QueryReport():
+                link.send(messages.ReportNote(rig.report))
+            case messages.WatchStops():
+                self._watch(request)
+            case messages.SwitchTorque(joint=joint, on=on):
+                if on:
+                    rig.set_up_again(joint)
+                else:
+                    rig.switch_off(joint)
+            case messages.Restart(joint=joint):
+                rig.restart(joint)
+            case messages.QueryRegisters(number=number, joint=joint, write=write):
+                try:
+                    self._readings.append((number, rig.registers(joint, write)))
+                except MotiondeckError as error:
+                    link.send(messages.RegistersRead(number, {}, str(error)))
+            case messages.QueryPorts(number=number):
+                try:
+                    self._scans.append((number, rig.scan()))
+                except MotiondeckError as error:
+                    link.send(messages.Scanned(number, [], [], str(error)))
+            case Begin():
+                pass  # it is the first message
 
     def _watch(self, request: messages.WatchStops) -> None:
         try:
@@ -144,9 +116,7 @@ class GuardService:
             if request.wired is not None:
                 from hardware.tools.stop_input import open_stop_input
 
-                wired = open_stop_input(Path(request.wired))
-                self._opening.callback(wired.close)
-                self.guard.wired = wired
+                self.guard.wired = self._opening.enter_context(contextlib.closing(open_stop_input(Path(request.wired))))
         except MotiondeckError as error:
             self._link.send(messages.RigFailed(str(error)))
         else:
@@ -159,7 +129,7 @@ class GuardService:
         for row, values in zip(states.servos, self._rig.states, strict=True):
             row[:] = values
         link.send_numbers(states.values)
-        for note in self._requests.answers():
+        for note in self._answers():
             link.send(note)
         incidents = self._rig.incidents
         if incidents and incidents[-1] is not self._incidents:
@@ -169,6 +139,18 @@ class GuardService:
         if guard.failure != self._reported_failure:
             self._reported_failure = guard.failure
             link.send(messages.RigFailed(guard.failure))
+
+    def _answers(self) -> Iterator[Note]:
+        """The answers that have come since the last call."""
+        for waiting in [one for one in self._readings if one[1].done]:
+            self._readings.remove(waiting)
+            number, reading = waiting
+            yield messages.RegistersRead(number, reading.counts, reading.failure)
+        for number, scan in self._scans:
+            if scan.found is not None:
+                found = [(joint, one.id, one.model, one.firmware) for joint, one in scan.found]
+                yield messages.Scanned(number, found, scan.missing, "")
+        self._scans = [one for one in self._scans if one[1].found is None]
 
     def _new(self, incidents: Sequence[Incident]) -> list[Incident]:
         new: list[Incident] = []

@@ -5,6 +5,7 @@ from __future__ import annotations
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,8 +19,8 @@ from controller.motion.posture import Pose
 from controller.motion.rotations import Array
 from controller.motion.skeleton import Skeleton
 from controller.wire.run_recording import RunRecording
-from hardware.rig.rig_file import RigConfig, load_rig
-from motiondeck.run.guard.guarded_rig import guard_process
+from hardware.rig.rig_file import load_rig
+from motiondeck.run.guard.guarded_rig import GuardedRig, guard_process
 from motiondeck.run.robots.rig_output import RigOutput, open_rig
 from motiondeck.run.spec.run_spec import RunSpec, is_emulated, options
 from motiondeck_base.errors import MotiondeckError
@@ -27,6 +28,9 @@ from sim.physics.kinematic_playback import KinematicPlayback
 from sim.robots.joint_groups import Groups, named_groups
 from sim.robots.rig_robot import groups_of, rig_robot
 from sim.robots.robot import Robot
+
+if TYPE_CHECKING:
+    from hardware.rig.supervision.rig import Rig
 
 # What a joint may do whose acceleration the rig file leaves open, rad/s^2; the jerk brings it there in 20 ms.
 _ACCELERATION = 80.0
@@ -37,15 +41,15 @@ _SIMULATED = ("solver", "physics", "root", "balance", "walk", "check_collisions"
 class RigFigure(KinematicPlayback):
     """The figure of a rig alone where its servos measure it, with their targets in `wanted`."""
 
-    def __init__(self, robot: Robot, rig: RigOutput) -> None:
+    def __init__(self, robot: Robot, rig: Rig | GuardedRig) -> None:
         super().__init__(robot)
         self._rig, self.wanted = rig, self.qpos.copy()
 
     def write(self, targets: Array, pose: Pose) -> None:
         """Places the targets (J,), rad, and the measured joints."""
         self._robot.layout.place(targets, self.wanted)
-        self._robot.layout.place(self._rig.rig.positions, self.qpos)
-        self._measured, self._writes = self._rig.rig.positions, self._writes + 1
+        self._robot.layout.place(self._rig.positions, self.qpos)
+        self._measured, self._writes = self._rig.positions, self._writes + 1
 
 
 def open_rig_alone(
@@ -63,8 +67,7 @@ def open_rig_alone(
             raise MotiondeckError(f"{flag} is for a simulated robot, and a rig alone has none: name one with --robot")
     guard = opening.enter_context(guard_process())  # it gets ready while the figure is made
     robot = robot_of(file, source.skeleton)
-    emulated = spec.rig is not None and is_emulated(spec.rig)
-    channel, _ = open_rig(opening, guard, file, robot, spec.rate, emulated=emulated)
+    channel, _ = open_rig(opening, guard, file, robot, spec.rate, emulated=is_emulated(spec.rig))
     output = channel.output
     assert isinstance(output, RigOutput)
     retarget = JointRetargeter(source.skeleton, robot.joints, output.rig.positions.copy())
@@ -73,13 +76,16 @@ def open_rig_alone(
     if isinstance(source, Clip):
         rest = np.clip(_targets(source, retarget)[-1], limits.lower, limits.upper)
     groups = groups_of(robot.joints) | named_groups(str(file), robot.joints, output.rig.config.groups)
-    return replace(robot, retarget=retarget), rest, channel, RigFigure(robot, output), groups
+    return replace(robot, retarget=retarget), rest, channel, RigFigure(robot, output.rig), groups
 
 
 def robot_of(file: Path, skeleton: Skeleton) -> Robot:
     """The robot of a rig file for motions of a skeleton; MotiondeckError if these or its model do not fit."""
     config = load_rig(file)
-    return rig_robot(file, config.names, _limits_of(config), Path(config.model) if config.model else None, skeleton)
+    lower, upper, velocity = np.array([(one.lower, one.upper, one.velocity) for one in config.joints]).T.copy()
+    acceleration = np.array([joint.acceleration or _ACCELERATION for joint in config.joints])
+    limits = JointLimits(lower, upper, velocity, acceleration, acceleration / _RISE)
+    return rig_robot(file, config.names, limits, Path(config.model) if config.model else None, skeleton)
 
 
 def recorded_deck(clip: Clip, retarget: Retargeter) -> RecordedDeck:
@@ -100,10 +106,3 @@ def _targets(clip: Clip, retarget: Retargeter) -> Array:
     still = np.array(0.0)
     poses = zip(clip.root_position, clip.rotation, strict=True)
     return np.array([retarget(Pose(place, still, rotation)).copy() for place, rotation in poses])
-
-
-def _limits_of(config: RigConfig) -> JointLimits:
-    joints = config.joints
-    lower, upper, velocity = np.array([(joint.lower, joint.upper, joint.velocity) for joint in joints]).T.copy()
-    acceleration = np.array([joint.acceleration or _ACCELERATION for joint in joints])
-    return JointLimits(lower, upper, velocity, acceleration, acceleration / _RISE)

@@ -116,7 +116,8 @@ class RigOutput:
     def _exchange(self, targets: Array) -> None:
         rig = self.rig
         collected = rig.collect_state()
-        age = self._age
+        # Of the positions collected just now, s: they were taken right after the goals before.
+        age = 1.0 / self._hz if self.guarded is None else self.guarded.age
         if collected:
             # The state was taken right after the goals before were sent: the joints were following these.
             error = rig.positions - self._meant
@@ -129,11 +130,6 @@ class RigOutput:
         if collected and self.correction is not None:  # once the goals are on their way, which must not wait for it
             self._free[self._order] = rig.states.conditions == 0
             self.correction.learn(self._measured, age, self._free)
-
-    @property
-    def _age(self) -> float:
-        """How old the positions are that were collected just now, s: they were taken right after the goals before."""
-        return 1.0 / self._hz if self.guarded is None else self.guarded.age
 
     def measured(self) -> Array | None:
         """The latest measured positions (J,), rad; NaN for joints that the rig lacks."""
@@ -236,32 +232,12 @@ def _hottest(temperatures: Array) -> float | None:
     return float(known.max()) if len(known) else None
 
 
-def connect_rig(
-    opening: ExitStack,
-    guard: GuardProcess,
-    config: RigConfig,
-    ports: Sequence[str],
-    joints: tuple[str, ...],
-    limits: JointLimits,
-    emulated: Path | None = None,
-) -> RigOutput:
-    """Connects a rig, behind its guard, as an output for a robot's joints of these limits; `opening` closes it.
-
-    The guard is from `guard_process`, which takes a while to be ready; `emulated` is a rig file whose servos are
-    emulated. MotiondeckError if it cannot be connected, or has a joint that the robot has not.
-    """
-    check_joints(config.names, joints)
-    places = [joints.index(name) for name in config.names]
-    rig = connect(*guard, begin_with(config, limits, places, ports, str(emulated) if emulated else None))
-    opening.callback(close_rig, rig)
-    return RigOutput(rig, joints, config.rate_hz)
-
-
 def open_rig(
     opening: ExitStack, guard: GuardProcess, file: Path, robot: Robot, rate: float, *, emulated: bool
 ) -> tuple[Channel, JointLimits]:
-    """Connects a rig for a loop of some rate (Hz); it as an output, and the robot's limits narrowed to the rig's.
+    """Connects a rig, behind its guard, for a loop of some rate (Hz); it as an output, and the limits of both.
 
+    The guard is from `guard_process`, which takes a while to be ready; `opening` closes the rig.
     MotiondeckError if the rig does not fit the robot or the rate, or cannot be connected.
     """
     from hardware.rig.rig_file import load_rig
@@ -273,8 +249,11 @@ def open_rig(
             f"{file}: rate_hz = {config.rate_hz:g} does not divide the loop's {rate:g} Hz; give another --rate"
         )
     limits = narrowed(robot.limits, robot, config)
-    output = connect_rig(opening, guard, config, (), robot.joints, limits, file if emulated else None)
-    return Channel(output, round(every)), limits
+    check_joints(config.names, robot.joints)
+    places = [robot.joints.index(name) for name in config.names]
+    rig = connect(*guard, begin_with(config, limits, places, (), str(file) if emulated else None))
+    opening.callback(close_rig, rig)
+    return Channel(RigOutput(rig, robot.joints, config.rate_hz), round(every)), limits
 
 
 def check_joints(names: Sequence[str], joints: Sequence[str]) -> None:

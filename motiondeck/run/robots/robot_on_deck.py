@@ -181,8 +181,7 @@ def open_robot(opening: ExitStack, spec: RunSpec, source: MotionLibrary | Clip, 
     if rig_file is not None and guard is not None:
         from motiondeck.run.robots.rig_output import open_rig
 
-        emulated = spec.rig is not None and is_emulated(spec.rig)
-        rig, limits = open_rig(opening, guard, rig_file, robot, spec.rate, emulated=emulated)
+        rig, limits = open_rig(opening, guard, rig_file, robot, spec.rate, emulated=is_emulated(spec.rig))
     apart = CollisionGuard(replace(robot, limits=limits), dt) if spec.check_collisions else None
     retarget = apart or robot.retarget
     simulation = Simulation(robot, stage, spec.root, spec.balance, spec.walk)

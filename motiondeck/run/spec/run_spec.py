@@ -58,22 +58,12 @@ class Option:
     flag: str | None = None  # its name on the command line, where that is not the field's; "" for an argument
 
 
-def option(
-    default: T,
-    help: str,
-    metavar: str | None = None,
-    panel: str = "",
-    typed: object = None,
-    off: bool = False,
-    check: Callable[[Any], None] | None = None,
-    flag: str | None = None,
-) -> T:
-    """A field of `RunSpec`."""
-    row = Option(help, metavar, panel, typed, off, check, flag)
-    return cast(T, field(default=default, metadata={"option": row}))
+def option(default: T, *row: Any, **named: Any) -> T:
+    """A field of `RunSpec`, with what its `Option` is made from."""
+    return cast(T, field(default=default, metadata={"option": Option(*row, **named)}))
 
 
-def is_emulated(rig: File) -> bool:
+def is_emulated(rig: File | None) -> bool:
     """Whether the servos of a rig are emulated ones: `emulated`, or `emulated:RIG`."""
     return str(rig).partition(":")[0] == EMULATED
 

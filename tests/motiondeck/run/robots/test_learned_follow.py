@@ -29,7 +29,7 @@ def state(tmp_path, monkeypatch):
 
 def opened(opening, config=RIG, *, robot="servo20", emulated=False):
     deck = Deck(LIBRARY, lambda pose: np.zeros(20), "march")
-    output = SimpleNamespace(config=config, correction=None)
+    output = SimpleNamespace(rig=SimpleNamespace(config=config), correction=None)
     about = {"robot": robot, "library": LIBRARY.info, "emulated": emulated}
     found = open_correction(opening, output, deck, Lead([], 20, 0.005), LIMITS, 0.005, **about)
     assert found is output.correction
