@@ -6,7 +6,7 @@ from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.servos.device import Device
 from hardware.rig.counters import RigFaults
 from hardware.rig.rig_file import RigConfig
-from hardware.rig.scale import Array, RigScale
+from hardware.rig.scale import Array, RigScale, force_of
 from hardware.rig.switching.audit import driving_settings
 
 
@@ -97,8 +97,7 @@ class SimulatedRig:
             self.positions[index] = (device["present_position"] - self._scale.zero[row]) / joint.pulses_per_radian
             speed = _number(device, "present_velocity") * joint.table["present_velocity"].si
             self.velocities[index] = speed / (joint.direction * joint.gear)
-            force = "present_current" if "present_current" in joint.table.registers else "present_load"
-            self.currents[index] = _number(device, force) * self._scale.amperes[row]
+            self.currents[index] = _number(device, force_of(joint.table)) * self._scale.amperes[row]
 
 
 def _number(device: Device, name: str) -> int:

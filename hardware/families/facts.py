@@ -81,19 +81,11 @@ def parse_traits(text: str, series: Mapping[str, Series]) -> dict[str, Traits]:
 
 def _traits(row: Sequence[str], known: Mapping[str, Series]) -> Traits:
     name, rpm, stall, torque, volt, unit, stiffness, fast, *figures = row
-    series = known[name]
-    return Traits(
-        series,
-        float(rpm),
-        float(stall),
-        0.0 if torque == "-" else float(torque),
-        float(volt),
-        float(unit),
-        0 if stiffness == "-" else int(stiffness),
-        None if fast == "-" else int(fast),
-        series.modes or (_CURRENT_MODES if float(unit) else _VOLTAGE_MODES),
-        tuple(int(number) for text in figures for number in text.split("/")),
-    )
+    motor = float(rpm), float(stall), 0.0 if torque == "-" else float(torque), float(volt), float(unit)
+    own = 0 if stiffness == "-" else int(stiffness), None if fast == "-" else int(fast)
+    modes = known[name].modes or (_CURRENT_MODES if float(unit) else _VOLTAGE_MODES)
+    numbers = tuple(int(number) for text in figures for number in text.split("/"))
+    return Traits(known[name], *motor, *own, modes, numbers)
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,13 +18,8 @@ from hardware.rig.registers import read_register, write_each
 from hardware.rig.rig_file import RigConfig
 from hardware.rig.rig_joint import GAINS, NEAR, RigJoint
 from hardware.rig.state_block import arranged, motion
+from hardware.rig.switching import identities
 from hardware.rig.switching.audit import Difference, audit, settle
-from hardware.rig.switching.identities import (
-    hardware_errors,
-    know_fast_reads,
-    raise_answer_level,
-    raise_answer_level_in_eeprom,
-)
 from hardware.rig.switching.turns import recall
 from hardware.rig.turn_file import TurnFile
 from hardware.tools.actuators import describe_actuator
@@ -189,7 +184,7 @@ def _longest_tick(config: RigConfig, servos: Sequence[ServoReport]) -> float:
         plan.block if (plan := arranged(joint.table, version)) else motion(joint.table)
         for joint, version in zip(config.joints, versions, strict=True)
     ]
-    fast = know_fast_reads(config, versions)
+    fast = identities.know_fast_reads(config, versions)
     return longest_tick(config, blocks, fast, [delays.get(joint.id, 0.0) for joint in config.joints])
 
 
@@ -218,8 +213,8 @@ def fix_settings(config: RigConfig, bus: Bus, keep: Callable[[ServoBackup], obje
         one = config.only([index])
         try:
             level = _answer_level(joint, bus)
-            raise_answer_level_in_eeprom(one, bus)
-            raise_answer_level(one, bus)
+            identities.raise_answer_level_in_eeprom(one, bus)
+            identities.raise_answer_level(one, bus)
             raised = level != _answer_level(joint, bus) == joint.table.family.answers_all
             differences = _to_set(one, bus)
             if raised or differences:
@@ -262,7 +257,7 @@ def _settle_each(differences: Iterable[Difference], config: RigConfig, bus: Bus)
 
 def _ask(joint: RigJoint, identity: Identity, bus: Bus) -> ServoReport:
     value = partial(read_register, joint, bus)
-    bits, place = hardware_errors(joint, bus), value("present_position")
+    bits, place = identities.hardware_errors(joint, bus), value("present_position")
     temperature, voltage = float(value("present_temperature")), value("present_input_voltage") / 10.0
     why: list[str] = []
     if bits & VOLTAGE:

@@ -10,11 +10,10 @@ from hardware.families.register import decode_block
 from hardware.families.table import ControlTable
 from hardware.rig.rig_file import RigConfig
 from hardware.rig.rig_joint import RigJoint
-from hardware.rig.scale import RigScale
+from hardware.rig.scale import RigScale, force_of
 from hardware.rig.switching.identities import hardware_errors
 
 _SHOWN_EVERY = 1.0  # s
-_FORCE = ("present_current", "present_load")
 
 
 def observe(config: RigConfig, bus: Bus, share: float = 1.0) -> Iterator[tuple[list[dict[str, object]], float]]:
@@ -42,12 +41,11 @@ def observe(config: RigConfig, bus: Bus, share: float = 1.0) -> Iterator[tuple[l
             if status is not None and not status.error:
                 shown = (one for one in joint.table.registers.values() if start <= one.address < start + length)
                 value = decode_block(shown, status.params, start)
-                strength = next(name for name in _FORCE if name in value)
                 row |= {
                     "heard": True,
                     "position": round(joint.angle(value["present_position"]), 4),
                     "velocity": round(float(scale.rad_per_s[index]) * value["present_velocity"], 3),
-                    "current": round(float(scale.amperes[index]) * value[strength], 3),
+                    "current": round(float(scale.amperes[index]) * value[force_of(joint.table)], 3),
                     "temperature": value["present_temperature"],
                     "voltage": value["present_input_voltage"] / 10.0,
                     "errors": errors[joint.id],
@@ -61,7 +59,7 @@ def observe(config: RigConfig, bus: Bus, share: float = 1.0) -> Iterator[tuple[l
 def _measured(table: ControlTable) -> tuple[int, int]:
     """Address and length of what is shown of a servo: it stands close together in every model."""
     names = ("present_position", "present_velocity", "present_input_voltage", "present_temperature")
-    rows = [table[name] for name in (*names, *(name for name in _FORCE if name in table.registers))]
+    rows = [table[name] for name in (*names, force_of(table))]
     start = min(row.address for row in rows)
     return start, max(row.address + row.length for row in rows) - start
 

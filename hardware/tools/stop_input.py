@@ -61,7 +61,13 @@ def open_stop_input(device: Path) -> StopInput:
     opened, or is pulled already.
     """
     try:
-        found = _key(device) if device.parent == Path("/dev/input") else _contact(device)
+        if device.parent == Path("/dev/input"):
+            file = os.open(device, os.O_RDONLY | os.O_NONBLOCK)
+            found = StopInput(str(device), key_reader(file), lambda: os.close(file))
+        else:
+            adapter = serial.Serial(str(device), exclusive=True)
+            adapter.dtr = True
+            found = StopInput(str(device), lambda: adapter.cts, adapter.close)
     except (OSError, serial.SerialException) as error:
         raise MotiondeckError(
             f"{device}: the stop cannot be read ({getattr(error, 'strerror', None) or error})"
@@ -71,17 +77,6 @@ def open_stop_input(device: Path) -> StopInput:
         found.close()
         raise MotiondeckError(f"{device}: the emergency stop is pulled, or its contact does not connect DTR with CTS")
     return found
-
-
-def _contact(device: Path) -> StopInput:
-    adapter = serial.Serial(str(device), exclusive=True)
-    adapter.dtr = True
-    return StopInput(str(device), lambda: adapter.cts, adapter.close)
-
-
-def _key(device: Path) -> StopInput:
-    file = os.open(device, os.O_RDONLY | os.O_NONBLOCK)
-    return StopInput(str(device), key_reader(file), lambda: os.close(file))
 
 
 def key_reader(file: int) -> Callable[[], bool]:

@@ -19,8 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from controller.motion.rotations import Array
-from sim.physical.batch import Batch
-from sim.physical.course import CarriedCourse, played
+from sim.physical.course import Batch, CarriedCourse, played
 
 NUDGE, NUDGE_RATE = 0.001, 0.02  # changes of positions and offsets (rad, m) and of velocities that are tried
 SHARES = np.array([1.0, 0.6, 0.3, 0.1, 0.0])  # of the computed changes that are tried

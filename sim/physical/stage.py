@@ -12,8 +12,7 @@ import mujoco
 import numpy as np
 
 from controller.motion.rotations import Array
-from sim.physical.batch import STEP, Batch
-from sim.physical.course import KNOT, course_of, played
+from sim.physical.course import KNOT, STEP, Batch, course_of, played
 from sim.physical.search import Effort, Search
 from sim.physics.physics_model import physics_model
 from sim.physics.recovery import has_fallen

@@ -8,17 +8,7 @@ its new baud rate after it has answered at the one before.
 import math
 
 from hardware.emulator.servos.servo_bank import TRIPPED, ServoBank
-from hardware.families.emulation import (
-    ACCESS,
-    INSTRUCTION,
-    LENGTH,
-    LIMIT,
-    RANGE,
-    RESET_ALL,
-    RESET_BUT_ID,
-    RESET_BUT_ID_AND_BAUD,
-    RESULT_FAIL,
-)
+from hardware.families import emulation
 from hardware.families.models import FAMILIES, TRAITS
 from hardware.families.register import Register
 
@@ -27,6 +17,10 @@ _TORQUE_AT_START, _RESTORE_RAM = 1, 2
 _RESTORED = ("led", "bus_watchdog", "position_p_gain", "position_i_gain", "position_d_gain", "velocity_i_gain",
              "velocity_p_gain", "feedforward_1st_gain", "feedforward_2nd_gain", "profile_velocity",
              "profile_acceleration")  # fmt: skip
+# By what a factory reset is to keep, the registers that it does.
+_KEPT: dict[int, tuple[str, ...]] = {
+    emulation.RESET_ALL: (), emulation.RESET_BUT_ID: ("id",), emulation.RESET_BUT_ID_AND_BAUD: ("id", "baud_rate")
+}  # fmt: skip
 _NEWER_FIRMWARE = 45  # startup configuration, backup, torque on by goal update
 # The motors copy these when they change.
 _MATTERS = frozenset({"torque_enable", "operating_mode", "drive_mode", "homing_offset", "goal_pwm", "goal_current",
@@ -210,7 +204,7 @@ class Device:
     def act(self) -> int:
         """Carries out the write kept by `register`; the error number, 0 for none."""
         if self._registered is None:
-            return INSTRUCTION
+            return emulation.INSTRUCTION
         address, data = self._registered
         self._registered = None
         self["registered_instruction"] = 0
@@ -232,34 +226,34 @@ class Device:
 
     def factory_reset(self, keep: int, deaf_until: float) -> bool:
         """Puts the EEPROM back to its defaults and restarts; whether `keep` is one of the known ways."""
-        if keep not in (RESET_ALL, RESET_BUT_ID, RESET_BUT_ID_AND_BAUD):
+        kept = _KEPT.get(keep)
+        if kept is None:
             return False
-        kept = {RESET_ALL: (), RESET_BUT_ID: ("id",), RESET_BUT_ID_AND_BAUD: ("id", "baud_rate")}[keep]
         self.bank.reset(self.row, kept)
         self.reboot(deaf_until)
         return True
 
     def swap(self, model_number: int, deaf_until: float) -> None:
         """Puts another servo in its place, as from the box but for id and baud rate, whose model number is this."""
-        self.factory_reset(RESET_BUT_ID_AND_BAUD, deaf_until)
+        self.factory_reset(emulation.RESET_BUT_ID_AND_BAUD, deaf_until)
         self["model_number"] = model_number
 
     def clear(self) -> int:
         """Makes the present position one within a turn; the error number, 0 for none."""
         if self.moving:
-            return RESULT_FAIL
+            return emulation.RESULT_FAIL
         self.bank.to_one_turn(self.row)
         return 0
 
     def back_up(self, restore: bool | None, deaf_until: float) -> int:
         """Stores the EEPROM, or restores it and restarts; the error number, 0 for none. None for neither."""
         if not self._newer:
-            return INSTRUCTION
+            return emulation.INSTRUCTION
         if restore is None:
-            return RANGE
+            return emulation.RANGE
         end = self._table["torque_enable"].address
         if self._get("torque_enable") or (restore and self._backup is None):
-            return RESULT_FAIL
+            return emulation.RESULT_FAIL
         if not restore:
             self._backup = bytes(self._memory[:end])
             self["backup_ready"] = 1
@@ -304,27 +298,27 @@ class Device:
         while offset < len(data):
             register = self._by_address.get(address + offset)
             if register is None or register.access == "R":
-                return ACCESS
+                return emulation.ACCESS
             if register.memory == "EEPROM" and (shadow or self._locked):
-                return ACCESS
+                return emulation.ACCESS
             if offset + register.length > len(data):
-                return LENGTH
+                return emulation.LENGTH
             value = register.decode(data[offset : offset + register.length])
             if error := self._refusal(register, value):
                 return error
             plan.append((register, value))
             offset += register.length
-        return plan or LENGTH
+        return plan or emulation.LENGTH
 
     def _plan_indirect(self, address: int, data: bytes, shadow: bool) -> list[tuple[Register, int]] | int:
         """As `_plan` for bytes that go through indirect data cells: runs of neighbouring targets count as one write."""
         runs: list[tuple[int, bytes]] = []
         for cell, byte in enumerate(data, address):
             if cell not in self._cells:
-                return ACCESS
+                return emulation.ACCESS
             place = self._behind(cell)
             if place in self._cells and place != cell:
-                return ACCESS
+                return emulation.ACCESS
             if runs and runs[-1][0] + len(runs[-1][1]) == place:
                 runs[-1] = (runs[-1][0], runs[-1][1] + bytes((byte,)))
             else:
@@ -340,25 +334,25 @@ class Device:
     def _refusal(self, register: Register, value: int) -> int:
         name = register.name
         if not register.least <= value <= register.maximum:
-            return RANGE
+            return emulation.RANGE
         if name in _GOALS and self._get("bus_watchdog") == TRIPPED:
-            return RANGE
+            return emulation.RANGE
         if name == "goal_position" and self._get("operating_mode") == 3:
-            return 0 if self._get("min_position_limit") <= value <= self._get("max_position_limit") else LIMIT
+            return 0 if self._get("min_position_limit") <= value <= self._get("max_position_limit") else emulation.LIMIT
         if name in self._limited_by:
-            return 0 if abs(value) <= self._get(self._limited_by[name]) else LIMIT
+            return 0 if abs(value) <= self._get(self._limited_by[name]) else emulation.LIMIT
         if name == "bus_watchdog":
-            return RANGE if value < 0 or (value and self._get(name) == TRIPPED) else 0
+            return emulation.RANGE if value < 0 or (value and self._get(name) == TRIPPED) else 0
         if name == "operating_mode":
-            return 0 if value in self._modes else RANGE
+            return 0 if value in self._modes else emulation.RANGE
         if name == "drive_mode":
-            return RANGE if value & _FOLLOWER and not self.series.follows else 0
+            return emulation.RANGE if value & _FOLLOWER and not self.series.follows else 0
         if name == "baud_rate":
-            return 0 if self.series.baud_of(value) else RANGE
+            return 0 if self.series.baud_of(value) else emulation.RANGE
         if name == "lock" and name != self.family.eeprom_lock:
-            return 0 if value or not self._get("lock") else RANGE  # only power-up unlocks
+            return 0 if value or not self._get("lock") else emulation.RANGE  # only power-up unlocks
         if name == "torque_enable":
-            return RESULT_FAIL if value and self.shut_down and self.series.shuts_down_by == name else 0
+            return emulation.RESULT_FAIL if value and self.shut_down and self.series.shuts_down_by == name else 0
         return 0
 
     def _take_effect(self, name: str, value: int, switched_on: bool) -> None:

@@ -4,25 +4,15 @@ There is no sync read; MX servos answer a bulk read, each after the one before i
 all answer at once, and nothing can be understood. A reboot is known to MX only, and a factory reset keeps nothing.
 """
 
+from hardware.families import emulation
 from hardware.families import plain_frames as wire
 from hardware.families.dynamixel1.family import ANGLE_LIMIT, BAD_CHECKSUM, BAD_INSTRUCTION, FAMILY, OUT_OF_RANGE
-from hardware.families.emulation import (
-    ACCESS,
-    BOOT_TIME,
-    LENGTH,
-    LIMIT,
-    RANGE,
-    RESET_ALL,
-    Answer,
-    EmulatedServo,
-    EmulatedServos,
-    alone_or_mixed,
-    sync_write,
-)
+from hardware.families.emulation import Answer, EmulatedServo, EmulatedServos, alone_or_mixed, sync_write
 from hardware.families.frames import BROADCAST, Frame
 from hardware.families.plain_frames import build
 
-_ERROR_BITS = {RANGE: OUT_OF_RANGE, LIMIT: ANGLE_LIMIT, ACCESS: OUT_OF_RANGE, LENGTH: BAD_INSTRUCTION}
+_ERROR_BITS = {emulation.RANGE: OUT_OF_RANGE, emulation.ACCESS: OUT_OF_RANGE}
+_ERROR_BITS |= {emulation.LIMIT: ANGLE_LIMIT, emulation.LENGTH: BAD_INSTRUCTION}
 
 
 def answer(bus: EmulatedServos, frame: Frame) -> list[Answer]:
@@ -70,10 +60,10 @@ def _alone(bus: EmulatedServos, device: EmulatedServo, frame: Frame) -> list[Ans
         case wire.ACTION:
             bits = _bits(device.act())
         case wire.REBOOT if device.series.reboots:
-            device.reboot(bus.time + BOOT_TIME)
+            device.reboot(bus.time + emulation.BOOT_TIME)
             return done
         case wire.FACTORY_RESET:
-            device.factory_reset(RESET_ALL, bus.time + BOOT_TIME)
+            device.factory_reset(emulation.RESET_ALL, bus.time + emulation.BOOT_TIME)
             return done
         case _:
             bits = BAD_INSTRUCTION

@@ -6,21 +6,11 @@ silences all behind it (on a strict bus; otherwise they answer anyway).
 
 from collections.abc import Callable
 
+from hardware.families import emulation
 from hardware.families.dynamixel2 import instructions as wire
 from hardware.families.dynamixel2.family import FAMILY
 from hardware.families.dynamixel2.frames import ALERT, HEADER, STATUS, build_status, checksum
-from hardware.families.emulation import (
-    BOOT_TIME,
-    CHECKSUM,
-    INSTRUCTION,
-    LENGTH,
-    RANGE,
-    RESET_ALL,
-    Answer,
-    EmulatedServo,
-    EmulatedServos,
-    alone_or_mixed,
-)
+from hardware.families.emulation import Answer, EmulatedServo, EmulatedServos, alone_or_mixed
 from hardware.families.frames import BROADCAST, Frame
 
 _NEWER_FIRMWARE = 42  # a factory reset of everything is no longer taken from a broadcast
@@ -38,7 +28,7 @@ def answer(bus: EmulatedServos, frame: Frame) -> list[Answer]:
     if frame.id == BROADCAST:
         if frame.instruction == wire.PING:
             return [answer for id in bus.ids() for answer in _together(bus, id, frame)]
-        reset_all = frame.instruction == wire.FACTORY_RESET and frame.params == bytes((RESET_ALL,))
+        reset_all = frame.instruction == wire.FACTORY_RESET and frame.params == bytes((emulation.RESET_ALL,))
         for device in bus.everybody(FAMILY):
             if frame.instruction != wire.READ and not (reset_all and device["firmware_version"] >= _NEWER_FIRMWARE):
                 _alone(bus, device, device.id, frame)
@@ -52,7 +42,7 @@ def answer(bus: EmulatedServos, frame: Frame) -> list[Answer]:
 
 def damaged(bus: EmulatedServos, id: int) -> list[Answer]:
     """Their answers to a frame whose checksum was wrong."""
-    return [one for device in bus.hearing(id, FAMILY) for one in _status(device, id, CHECKSUM, b"", 2)]
+    return [one for device in bus.hearing(id, FAMILY) for one in _status(device, id, emulation.CHECKSUM, b"", 2)]
 
 
 def _together(bus: EmulatedServos, id: int, frame: Frame) -> list[Answer]:
@@ -61,7 +51,7 @@ def _together(bus: EmulatedServos, id: int, frame: Frame) -> list[Answer]:
 
 def _alone(bus: EmulatedServos, device: EmulatedServo, id: int, frame: Frame, shadow: bool = False) -> list[Answer]:
     params, error, answer, level = frame.params, 0, b"", 2
-    deaf_until = bus.time + BOOT_TIME
+    deaf_until = bus.time + emulation.BOOT_TIME
     # The answer leaves before the instruction changes ID, speed or status return level.
     done = _status(device, id, 0, b"", 2)
     match frame.instruction:
@@ -76,7 +66,7 @@ def _alone(bus: EmulatedServos, device: EmulatedServo, id: int, frame: Frame, sh
         case wire.REG_WRITE if len(params) > 2:
             error = device.register(_word(params, 0), params[2:], shadow)
         case wire.WRITE | wire.REG_WRITE:
-            error = LENGTH
+            error = emulation.LENGTH
         case wire.ACTION:
             error = device.act()
             bus.reindex()
@@ -87,14 +77,14 @@ def _alone(bus: EmulatedServos, device: EmulatedServo, id: int, frame: Frame, sh
             if len(params) == 1 and device.factory_reset(params[0], deaf_until):
                 bus.reindex()
                 return done
-            error = RANGE if len(params) == 1 else LENGTH
+            error = emulation.RANGE if len(params) == 1 else emulation.LENGTH
         case wire.CLEAR:
-            error = device.clear() if params == wire.CLEAR_TURNS else RANGE
+            error = device.clear() if params == wire.CLEAR_TURNS else emulation.RANGE
         case wire.BACKUP if not shadow:
             error = device.back_up(_BACKUPS.get(params), deaf_until)
             bus.reindex()
         case _:
-            error = INSTRUCTION
+            error = emulation.INSTRUCTION
     return _status(device, id, error, answer, level)
 
 
@@ -107,9 +97,9 @@ def _status(device: EmulatedServo, id: int, error: int, params: bytes, level: in
 
 def _read(device: EmulatedServo, params: bytes) -> tuple[bytes, int]:
     if len(params) != 4:
-        return b"", LENGTH
+        return b"", emulation.LENGTH
     data = device.read(_word(params, 0), _word(params, 2))
-    return (b"", LENGTH) if data is None else (data, 0)
+    return (b"", emulation.LENGTH) if data is None else (data, 0)
 
 
 def _write(bus: EmulatedServos, device: EmulatedServo, address: int, data: bytes, shadow: bool = False) -> int:
@@ -164,7 +154,7 @@ def _in_one_frame(bus: EmulatedServos, asked: list[tuple[int, int, int]]) -> lis
                 break
             continue
         data = device.read(address, length)
-        error = (LENGTH if data is None else 0) | (ALERT if device.alert else 0)
+        error = (emulation.LENGTH if data is None else 0) | (ALERT if device.alert else 0)
         piece = bytes((error, id)) + (data if data is not None else bytes(length))
         tail = checksum(piece, crc).to_bytes(2, "little")
         crc = checksum(tail, checksum(piece, crc))

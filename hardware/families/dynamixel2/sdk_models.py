@@ -33,12 +33,13 @@ def model_numbers(folder: Path | None = None) -> dict[str, int]:
     text = _read("dynamixel.model", folder)
     rows = (line.split() for line in text.splitlines())
     files = [(row[1].removesuffix(".model"), int(row[0])) for row in rows if len(row) == 2 and row[0].isdigit()]
-    return {_model_name(stem): number for stem, number in files}
+    return {"XL-320" if stem == "xl320" else stem.upper().replace("_", "-"): number for stem, number in files}
 
 
 def model_file(model: str, folder: Path | None = None) -> ModelFile:
     """The maker's table of a model; raises MotiondeckError if there is none of the known form."""
-    name = f"{_stem(_SAME_PLACES.get(model, model))}.model"
+    model = _SAME_PLACES.get(model, model)
+    name = f"{'xl320' if model == 'XL-320' else model.lower().replace('-', '_')}.model"
     try:
         sections = dict(_sections(_read(name, folder)))
         kind = {row[0]: float(row[1]) for row in sections["type info"]}
@@ -85,11 +86,3 @@ def _read(name: str, folder: Path | None) -> str:
 def _snake(label: str) -> str:
     """A register's name as we write it: Secondary(Shadow) ID is secondary_id."""
     return re.sub(r"[^a-z0-9]+", "_", re.sub(r"\(.*?\)", "", label).strip().lower())
-
-
-def _model_name(stem: str) -> str:
-    return "XL-320" if stem == "xl320" else stem.upper().replace("_", "-")
-
-
-def _stem(model: str) -> str:
-    return "xl320" if model == "XL-320" else model.lower().replace("-", "_")

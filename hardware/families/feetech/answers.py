@@ -4,16 +4,9 @@ An answer tells the servo's problems, never that an instruction was refused: wha
 broadcast ping is answered in order of ID, as LeRobot expects it.
 """
 
+from hardware.families import emulation
 from hardware.families import plain_frames as wire
-from hardware.families.emulation import (
-    BOOT_TIME,
-    RESET_BUT_ID,
-    Answer,
-    EmulatedServo,
-    EmulatedServos,
-    alone_or_mixed,
-    sync_write,
-)
+from hardware.families.emulation import Answer, EmulatedServo, EmulatedServos, alone_or_mixed, sync_write
 from hardware.families.feetech.family import FAMILY
 from hardware.families.frames import BROADCAST, Frame
 from hardware.families.plain_frames import build
@@ -67,7 +60,7 @@ def _alone(bus: EmulatedServos, device: EmulatedServo, frame: Frame) -> list[Ans
         case wire.ACTION:
             device.act()
         case wire.FACTORY_RESET:
-            device.factory_reset(RESET_BUT_ID, bus.time + BOOT_TIME)
+            device.factory_reset(emulation.RESET_BUT_ID, bus.time + emulation.BOOT_TIME)
         case _:
             answers = False
     return [Answer(delay, build(id, problems, data), id)] if answers else []

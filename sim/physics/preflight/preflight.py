@@ -112,11 +112,12 @@ class PhysicsChecks:
     ) -> None:
         self._limiter = limiter
         self.robot, self.limits, self.root, self.balance, self.walk = robot, limits, root, balance, walk
+        self._carried = root if root != "free" else "gantry"  # the root for checks of the servos
         self._models: dict[str, mujoco.MjModel] = {}
 
     def findings(self, played: PlayedMotion, tempo: float) -> list[Finding]:
         """Whether the servos follow, and whether a free robot stands."""
-        astray, joint, _ = self.play(played, tempo, self._carried())
+        astray, joint, _ = self.play(played, tempo, self._carried)
         found = [limited("off target", astray, ASTRAY, "rad", self.robot.joints[joint])]
         if self.walk:
             found += self._walked_findings(played, tempo)
@@ -127,7 +128,7 @@ class PhysicsChecks:
 
     def follow(self, played: PlayedMotion, tempo: float) -> bool:
         """Whether all `findings` pass; it stops at the first that fails."""
-        astray, _, _ = self.play(played, tempo, self._carried(), until=ASTRAY)
+        astray, _, _ = self.play(played, tempo, self._carried, until=ASTRAY)
         if astray > ASTRAY or self.root != "free":
             return astray <= ASTRAY
         if self.walk:
@@ -154,10 +155,6 @@ class PhysicsChecks:
             found.append(limited("heat of walking", warm, servo.hottest, "degC"))
             found.append(Finding("at torque limit", 100.0 * report["servos"]["at_limit"], None, "%"))
         return found
-
-    def _carried(self) -> str:
-        """The root for checks of the servos."""
-        return self.root if self.root != "free" else "gantry"
 
     def play(
         self, played: PlayedMotion, tempo: float, root: str, seconds: float | None = None, until: float = np.inf

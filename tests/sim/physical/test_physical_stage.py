@@ -12,8 +12,7 @@ from controller.motion.formats.writing import write_clip
 from motiondeck_base.errors import MotiondeckError
 from sim.models.joint_layout import JointLayout
 from sim.models.scenery import add_gantry, set_stage
-from sim.physical.batch import STEP, Batch
-from sim.physical.course import KNOT, played
+from sim.physical.course import KNOT, STEP, Batch, played
 from sim.physical.files import stood_files
 from sim.physical.search import Effort, Search
 from sim.physical.stage import RATE, PhysicalStage
