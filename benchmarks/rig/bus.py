@@ -39,7 +39,7 @@ from hardware.bus.port import SerialPort
 from hardware.bus.servo_bus import Bus
 from hardware.bus.sync_write import SyncWrite
 from hardware.emulator.bus import EmulatedBus
-from hardware.families.dynamixel2 import instructions as wire
+from hardware.families.dynamixel2 import frames as wire
 from hardware.families.dynamixel2.group_reply import GroupReply, WholeReply, fast_reply_length, status_length
 from hardware.rig.rig_file import RigConfig, RigJoint
 from hardware.rig.state_block import row_layout

@@ -28,7 +28,7 @@ from benchmarks.rig.burdens import Burdens
 from benchmarks.rig.judged_port import APART, PLAY, JudgedBus, JudgedPort
 from hardware.emulator.servos.device import Device
 from hardware.emulator.servos.servo_bank import TRIPPED
-from hardware.families.dynamixel2 import instructions as wire
+from hardware.families.dynamixel2 import frames as wire
 from hardware.rig.rig_file import RigConfig
 from hardware.rig.rig_joint import POSITION_MODE, RigJoint
 from hardware.rig.scale import Array

@@ -120,7 +120,6 @@ def lasting_name(name: str, folder: Path = _BY_ID) -> str:
 
 
 def _reason(name: str, error: OSError | ValueError) -> str:
-    """Why a port would not open, and what to do."""
     number = getattr(error, "errno", None)
     if "exclusively lock" in str(error) or number in (errno.EBUSY, errno.EAGAIN):
         return "another program is using it. Close that one first."

@@ -62,7 +62,6 @@ class EmulatedBus:
         self.reindex()
 
     def __getitem__(self, id: int) -> Device:
-        """The servo with this ID."""
         return self._by_id[id][0]
 
     def exchange(self, data: bytes, now: float) -> list[Answer]:

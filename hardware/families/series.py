@@ -22,7 +22,7 @@ class Series:
     baud_rates: Mapping[int, int] = field(default_factory=lambda: MappingProxyType(dict(enumerate(BAUD_RATES))))
     # In bits/s; a value v that is not in `baud_rates` means baud_base / (v + 1). 0 for no such value.
     baud_base: float = 0.0
-    # The bits that they report of the usual problems (see `meanings`), in their own order.
+    # The bits that they report of the usual problems (see `describe_errors`), in their own order.
     problems: Mapping[int, int] = field(
         default_factory=lambda: MappingProxyType({bit: bit for bit in (VOLTAGE, HEAT, ENCODER, SHOCK, OVERLOAD)})
     )

@@ -110,7 +110,6 @@ class RigJoint(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
                 )
 
     def _refuse_far_limits(self) -> None:
-        """Raises ValueError for limits that are not in radians, or beyond what the model can count."""
         if max(abs(self.lower), abs(self.upper)) > _FARTHEST:
             raise ValueError(
                 f"limits {self.lower} to {self.upper} rad are beyond two turns of the joint. Limits are in radians"
@@ -123,7 +122,6 @@ class RigJoint(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             )
 
     def _refuse_unknown_gains(self) -> None:
-        """Raises ValueError for a gain that the model does not have, or does not take."""
         for name, gain in self.gains.items():
             if (register := self.table.registers.get(name)) is None:
                 raise ValueError(f"model '{self.model}' has no {name}: leave it out")

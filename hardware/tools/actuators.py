@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 
-from hardware.families.meanings import meaning
+from hardware.families.table import meaning
 from hardware.rig.rig_joint import GAINS, POSITION_MODE, RigJoint
 
 

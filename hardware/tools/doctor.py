@@ -10,9 +10,9 @@ import msgspec
 
 from hardware.bus.servo_bus import UNKNOWN_MODEL, Bus, Identity
 from hardware.errors import NoReplyError, RigError, ServoError
-from hardware.families.meanings import describe_errors
 from hardware.families.models import MODELS
 from hardware.families.series import HEAT, VOLTAGE
+from hardware.families.table import describe_errors
 from hardware.rig.driving.wire_load import longest_tick
 from hardware.rig.registers import read_register, write_each
 from hardware.rig.rig_file import RigConfig

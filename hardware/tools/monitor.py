@@ -5,9 +5,8 @@ from collections.abc import Iterator
 
 from hardware.bus.servo_bus import Bus
 from hardware.errors import ServoError
-from hardware.families.meanings import describe_errors
 from hardware.families.register import decode_block
-from hardware.families.table import ControlTable
+from hardware.families.table import ControlTable, describe_errors
 from hardware.rig.rig_file import RigConfig
 from hardware.rig.rig_joint import RigJoint
 from hardware.rig.scale import RigScale, force_of

@@ -182,7 +182,6 @@ class PhysicsPlayback:
             self._note_fall(root)
 
     def _recover(self, legs: Balance | Walker) -> None:
-        """Notes a certain fall, and updates the recovery."""
         recovery = self._recovery
         if recovery is None:
             if legs.falling and not self._lost and not self.fallen:
@@ -203,7 +202,6 @@ class PhysicsPlayback:
         self.data.qpos[:] = here
 
     def _note_fall(self, played: Array) -> None:
-        """Notes a fall, for the commanded root (>= 7,)."""
         gave_up = self._recovery is not None and self._recovery.gave_up
         if gave_up or has_fallen(self.data.qpos, played, self.model.qpos0[3:7]):
             self.fallen, self._stands_for = True, 0
@@ -316,7 +314,6 @@ class PhysicsPlayback:
         ahead[layout.hinge] += self._goal[layout.hinge_qpos]
 
     def _aim_balls(self, ctrl: Array, balls: NDArray[np.int64]) -> None:
-        """Sets the controls of ball joints in a timestep."""
         # MuJoCo subtracts the joint's rotation vector from the control; the difference is to be the error.
         mujoco.mj_differentiatePos(self.model, self._turned, 1.0, self._straight, self.data.qpos)
         mujoco.mj_differentiatePos(self.model, self._error, 1.0, self.data.qpos, self._goal)

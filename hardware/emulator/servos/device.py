@@ -74,7 +74,6 @@ class Device:
         self.bank.cut_off(self.row, dead)
 
     def __getitem__(self, name: str) -> int:
-        """The value of a register."""
         self.bank.show()
         return self._get(name)
 

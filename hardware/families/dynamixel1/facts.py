@@ -20,11 +20,7 @@ _AX = Series(
     shuts_down_by="torque_limit",
 )
 _MX_RATES = MappingProxyType(_BAUD_RATES | {252: 3_000_000})
-_SERIES = (
-    _AX,
-    replace(_AX, name="RX"),
-    replace(_AX, name="MX1", baud_rates=_MX_RATES, bulk_reads=True, reboots=True),
-)
+_SERIES = (_AX, replace(_AX, name="RX"), replace(_AX, name="MX1", baud_rates=_MX_RATES, bulk_reads=True, reboots=True))
 
 TRAITS = parse_traits(file_beside(__file__, "models.txt"), {series.name: series for series in _SERIES})  # by model name
 
@@ -46,10 +42,7 @@ _MOST = {
     "AX-18A": {"temperature_limit": 99},
     "MX-64(1.0)": {"max_voltage_limit": 240},
 }
-_LACKS = {
-    "MX-28(1.0)": ("drive_mode", "current", "torque_control_mode", "goal_torque"),
-    "MX-64(1.0)": ("drive_mode",),
-}
+_LACKS = {"MX-28(1.0)": ("drive_mode", "current", "torque_control_mode", "goal_torque"), "MX-64(1.0)": ("drive_mode",)}
 
 
 def _table(model: str, traits: Traits) -> ControlTable:

@@ -7,7 +7,7 @@ silences all behind it (on a strict bus; otherwise they answer anyway).
 from collections.abc import Callable
 
 from hardware.families import emulation
-from hardware.families.dynamixel2 import instructions as wire
+from hardware.families.dynamixel2 import frames as wire
 from hardware.families.dynamixel2.family import FAMILY
 from hardware.families.dynamixel2.frames import ALERT, HEADER, STATUS, build_status, checksum
 from hardware.families.emulation import Answer, EmulatedServo, EmulatedServos, alone_or_mixed

@@ -3,7 +3,7 @@
 from dataclasses import replace
 from types import MappingProxyType
 
-from hardware.families.dynamixel2 import frames, instructions
+from hardware.families.dynamixel2 import frames
 from hardware.families.dynamixel2.group_reply import group_read, status_length
 from hardware.families.facts import file_beside, parse_traits
 from hardware.families.family import Family, Identification
@@ -12,7 +12,7 @@ from hardware.families.series import HEAT, OVERLOAD, VOLTAGE, Series
 FAMILY = Family(
     name="dynamixel2",
     spoken="",
-    instructions=instructions,
+    instructions=frames,
     parser=frames.Parser,
     as_status=frames.as_status,
     status_length=status_length,
@@ -21,7 +21,7 @@ FAMILY = Family(
     group_read=group_read,
     lines=lambda blocks: (blocks,),
     dialect="2.0",
-    reboot=instructions.reboot,
+    reboot=frames.reboot,
     stuffed=frames.STUFFED_PATTERN,
     fast_reads=True,
     choice=("protocol_type", 2),

@@ -5,7 +5,7 @@ from functools import partial
 
 import numpy as np
 
-from hardware.families.dynamixel2 import instructions
+from hardware.families.dynamixel2 import frames as instructions
 from hardware.families.dynamixel2.frames import ALERT, HEADER, STATUS, Parser, as_status, checksum
 from hardware.families.frames import BROADCAST, StatusPacket
 from hardware.families.replies import Blocks, GroupRead, GroupReply, WholeReply, in_order, whole_reply

@@ -160,13 +160,7 @@ class ServoPort:
         return reply is not None and self.readings.take(reply, now)
 
     def attach(
-        self,
-        bus: Bus,
-        rows: Sequence[int],
-        held: Held,
-        blocks: Sequence[StateBlock],
-        own: OwnSettings,
-        now: float,
+        self, bus: Bus, rows: Sequence[int], held: Held, blocks: Sequence[StateBlock], own: OwnSettings, now: float
     ) -> None:
         """Goes on over this bus, where these servos hold; see `Readings.start`."""
         self.bus = bus

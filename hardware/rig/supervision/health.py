@@ -20,8 +20,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hardware.families.meanings import describe_errors
 from hardware.families.models import TRAITS
+from hardware.families.table import describe_errors
 from hardware.rig.driving.readings import Measurements
 from hardware.rig.rig_file import RigConfig
 from hardware.rig.rig_joint import RigJoint

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 from hardware.bus.servo_bus import Bus, Identity
 from hardware.errors import RigError, ServoError
-from hardware.families.meanings import describe_errors
 from hardware.families.models import TRAITS
+from hardware.families.table import describe_errors
 from hardware.rig.registers import list_joints, read_each, read_register, sync_write_all
 from hardware.rig.rig_file import RigConfig
 from hardware.rig.rig_joint import RigJoint

@@ -46,7 +46,7 @@ class RegisterQuery:
 
     def answer(self) -> Registers | Refused | None:
         """The registers in order of address."""
-        from hardware.families.meanings import meaning
+        from hardware.families.table import meaning
         from hardware.rig.driving.register_reading import WRITABLE, shown_registers
 
         joint, reading = self._joint, self._reading

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hardware.bus.sync_write import SyncWrite
-from hardware.families.dynamixel2 import instructions as wire
+from hardware.families.dynamixel2 import frames as wire
 from hardware.families.models import FAMILIES
 
 # -131073 is FF FF FD FF on the wire: a header, unless it is stuffed.

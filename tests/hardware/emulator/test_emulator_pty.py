@@ -19,7 +19,7 @@ from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.process import start_emulator
 from hardware.emulator.pty_server import PtyServer, serve
 from hardware.errors import RigError, RigFileError, SerialPortError
-from hardware.families.dynamixel2 import instructions
+from hardware.families.dynamixel2 import frames as instructions
 from hardware.rig.rig_file import load_rig
 from hardware.rig.supervision.rig import Rig
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from hardware.families.dynamixel2 import instructions as wire
+from hardware.families.dynamixel2 import frames as wire
 from hardware.families.dynamixel2.frames import BROADCAST, Parser, as_status, build
 from hardware.families.dynamixel2.group_reply import fast_reply, fast_reply_length
 from hardware.families.models import MODELS

@@ -10,7 +10,7 @@ import pytest
 from benchmarks.simulated_time import EmulatedPort
 from hardware.emulator.bus import EmulatedBus
 from hardware.families import emulation
-from hardware.families.dynamixel2 import instructions as wire
+from hardware.families.dynamixel2 import frames as wire
 from hardware.families.dynamixel2.frames import BROADCAST, Parser, as_status, build, checksum
 from hardware.families.dynamixel2.group_reply import fast_reply, fast_reply_length
 from hardware.families.models import MODELS

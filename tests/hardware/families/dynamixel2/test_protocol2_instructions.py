@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hardware.families.dynamixel2 import instructions as wire
+from hardware.families.dynamixel2 import frames as wire
 from hardware.families.dynamixel2.frames import build, build_status, checksum
 from hardware.families.dynamixel2.group_reply import (
     FastFormat,

@@ -5,8 +5,7 @@ import numpy as np
 import pytest
 
 from hardware.errors import RigError
-from hardware.families.dynamixel2.frames import Parser
-from hardware.families.dynamixel2.instructions import SYNC_WRITE, WRITE
+from hardware.families.dynamixel2.frames import SYNC_WRITE, WRITE, Parser
 from hardware.rig.supervision.rig import Rig
 from hardware.rig.switching.torque import hold_still
 

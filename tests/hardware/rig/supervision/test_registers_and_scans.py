@@ -9,8 +9,8 @@ from hardware.bus.servo_bus import Bus
 from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.faults import FaultPlan, parse_fault
 from hardware.errors import RigError
-from hardware.families.meanings import meaning
 from hardware.families.models import MODELS
+from hardware.families.table import meaning
 from hardware.rig.driving.register_reading import shown_registers
 from hardware.rig.rig_file import RigJoint
 from hardware.rig.supervision.rig import Rig
