@@ -5,7 +5,6 @@ Their equations are in the files of `controller/networks`.
 """
 
 from controller.learning.centralized.motion_training import learn_primitive, train_centralized
-from controller.learning.measures.accuracy import nrmse
 from controller.learning.reservoirs.completion_training import CompletionRecipe, learn_completion
 from controller.learning.reservoirs.conceptor_training import ConceptorRecipe
 from controller.learning.signal_training import (
@@ -21,6 +20,7 @@ from controller.learning.trainers.echo_state import EchoStateRecipe
 from controller.learning.trainers.phase_conceptor import PhaseRecipe
 from controller.learning.trainers.phase_echo_state import PhaseEchoStateRecipe
 from controller.learning.trainers.random_feature import RandomFeatureRecipe
+from controller.learning.trainers.trainer import nrmse
 from controller.networks.base import AnyNetwork, FrameNetwork, Generator, Morph
 from controller.networks.centralized.centers import (
     Duffing,

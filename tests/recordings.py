@@ -6,7 +6,7 @@ import struct
 import numpy as np
 import scipy.io
 
-from controller.motion.thesis_body import JAEGER_BONES, JAEGER_REST
+from controller.motion.skeleton import JAEGER_BONES, JAEGER_REST
 
 ASF = """\
 # made up for a test

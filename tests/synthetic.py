@@ -14,8 +14,7 @@ from controller.learning.trainers.echo_state import EchoStateRecipe
 from controller.learning.trainers.phase_conceptor import PhaseRecipe
 from controller.learning.trainers.phase_echo_state import PhaseEchoStateRecipe
 from controller.learning.trainers.random_feature import RandomFeatureRecipe
-from controller.learning.trainers.registry import trainer_of
-from controller.learning.trainers.trainer import Lessons
+from controller.learning.trainers.trainer import Lessons, trainer_of
 from controller.learning.training_set import TrainingSet
 from controller.library.library_header import VERSION, LibraryInfo, MotionInfo
 from controller.library.motion_library import MotionLibrary

@@ -13,8 +13,7 @@ from threadpoolctl import threadpool_limits
 
 from controller.learning.recipe import LibraryRecipe
 from controller.learning.trainers.centralized import CentralizedRecipe
-from controller.learning.trainers.registry import trainer_of
-from controller.learning.trainers.trainer import Lessons
+from controller.learning.trainers.trainer import Lessons, trainer_of
 from controller.learning.training_set import TrainingSet
 from controller.networks.base import AnyNetwork
 

@@ -32,7 +32,7 @@ from controller.motion.clip import Clip
 from controller.motion.formats.reading import read_fitted
 from controller.motion.reading_options import AS_FOUND
 from controller.motion.rotations import Array, dot, multiply, normalise, rotate, yaw
-from controller.motion.take.cuts import cuts_of
+from controller.motion.take.segmentation import cuts_of
 from motiondeck_base.errors import MotiondeckError
 
 RATE, EVERY, JOIN = 60.0, 2, 60

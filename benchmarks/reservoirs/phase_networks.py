@@ -44,8 +44,7 @@ from controller.learning.reservoirs.conceptor_training import ConceptorRecipe
 from controller.learning.trainers.echo_state import EchoStateRecipe
 from controller.learning.trainers.phase_conceptor import PhaseRecipe
 from controller.learning.trainers.phase_echo_state import PhaseEchoStateRecipe
-from controller.learning.trainers.registry import trainer_of
-from controller.learning.trainers.trainer import Lessons
+from controller.learning.trainers.trainer import Lessons, trainer_of
 from controller.learning.training_set import TrainingSet, prepare, to_learn
 from controller.motion.encodings.encoding import encoding_of
 from controller.motion.formats.reading import read_clip

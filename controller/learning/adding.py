@@ -16,8 +16,7 @@ from controller.learning.measures.disturbance import stress_test
 from controller.learning.measures.recording_errors import recorded_part
 from controller.learning.measures.self_test import Judge, run_free, self_test
 from controller.learning.recipe import MotionRecipe, check_name, recipe_of
-from controller.learning.trainers.registry import kind_of, trainer_of
-from controller.learning.trainers.trainer import NewMotion
+from controller.learning.trainers.trainer import NewMotion, kind_of, trainer_of
 from controller.learning.training_set import LearnedPart, to_learn
 from controller.library.library_header import MotionInfo
 from controller.library.motion_library import MotionLibrary

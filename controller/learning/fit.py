@@ -9,14 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from controller.learning.measures.accuracy import nrmse
 from controller.learning.measures.disturbance import stress_test, with_trials
 from controller.learning.measures.recording_errors import recorded_part, recording_error
 from controller.learning.measures.self_test import Judge, MotionVerdict, self_test
 from controller.learning.recipe import LibraryRecipe, MotionRecipe, NetworkRecipe, recipe_of
 from controller.learning.recording_analysis import find_skeleton
-from controller.learning.trainers.registry import kind_of, trainer_of
-from controller.learning.trainers.trainer import Lessons
+from controller.learning.trainers.trainer import Lessons, kind_of, nrmse, trainer_of
 from controller.learning.training_set import Progress, Recorded, TrainingSet, prepare, read_motion, to_learn
 from controller.library.library_header import VERSION, LibraryInfo, MotionInfo
 from controller.library.motion_library import MotionLibrary

@@ -24,8 +24,7 @@ from controller.learning.training_set import COMMON_RATE, LearnedPart, Progress,
 from controller.library.library_header import MotionInfo
 from controller.library.motion_library import MotionLibrary
 from controller.motion.canonical.actors import hands_off
-from controller.motion.clip import Clip, Plays
-from controller.motion.decision import Decision
+from controller.motion.clip import Clip, Decision, Plays
 from controller.motion.formats.reading import CONVERTIBLE, FORMATS, recordings_below
 from controller.motion.people import SeveralPeopleError
 from controller.motion.reading_options import AS_FOUND, ReadingOptions

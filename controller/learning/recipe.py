@@ -14,8 +14,7 @@ import numpy as np
 from controller.learning.preparation.takes import by_motion, motion_of
 from controller.learning.trainers.centralized import CentralizedRecipe
 from controller.learning.trainers.phase_conceptor import PhaseRecipe
-from controller.learning.trainers.registry import network_recipes, trainer_of
-from controller.learning.trainers.trainer import NetworkRecipe
+from controller.learning.trainers.trainer import NetworkRecipe, network_recipes, trainer_of
 from controller.library.library_header import with_ways
 from controller.motion.formats.reading import read_clip
 from controller.motion.up_axis import Up

@@ -1,6 +1,6 @@
 """Analyses a recording for training: its motions, the frames of each, and whether they are a loop.
 
-`take/cuts` finds the motions; `preparation/kind` decides whether a motion is a loop.
+`take/segmentation` finds the motions; `preparation/kind` decides whether a motion is a loop.
 """
 
 from __future__ import annotations
@@ -20,15 +20,14 @@ from controller.learning.training_set import COMMON_RATE, SHORTEST_SECONDS, seam
 from controller.motion.canonical.body_doubts import anatomy_doubts, other_doubts
 from controller.motion.canonical.canonical_body import to_canonical
 from controller.motion.canonical.clip_edits import moving_part, resampled, span
-from controller.motion.clip import Clip, Plays
-from controller.motion.decision import Decision
+from controller.motion.clip import Clip, Decision, Plays
 from controller.motion.encodings.encoding import encoding_of
 from controller.motion.encodings.motion_matching import joint_features
 from controller.motion.formats.acclaim.amc import skeleton_of
 from controller.motion.formats.markers.marker_fit import misplaced
 from controller.motion.formats.reading import FittedClip, read_fitted
 from controller.motion.reading_options import AS_FOUND, ReadingOptions
-from controller.motion.take.cuts import cuts_of
+from controller.motion.take.segmentation import cuts_of
 from controller.motion.upper_body import RESTS
 from motiondeck_base.errors import FileFormatError
 

@@ -15,8 +15,7 @@ from controller.learning.preparation.loops import best_seam, close_loop, hold_en
 from controller.learning.preparation.takes import read_takes
 from controller.learning.preparation.training_motion import MotionsOnDemand, TrainingMotion, Variant
 from controller.learning.recipe import LibraryRecipe, MotionRecipe, find_recording
-from controller.learning.trainers.registry import trainer_of
-from controller.learning.trainers.trainer import Lessons
+from controller.learning.trainers.trainer import Lessons, trainer_of
 from controller.motion.canonical.actors import Actor, actors_of, nearest_to_all
 from controller.motion.canonical.canonical_body import carried, on_bones_of
 from controller.motion.canonical.clip_edits import jumps, mirrored, resampled, span, spikes

@@ -1,22 +1,71 @@
-"""A clip: one recorded motion of a skeleton at a constant rate."""
+"""Recordings: clips of a skeleton, markers to which one is fitted, and what was decided about them."""
 
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
-from controller.motion.decision import Decision
 from controller.motion.rotations import Array
 from controller.motion.skeleton import Skeleton
 from motiondeck_base.errors import FileFormatError
 
 Plays = Literal["loop", "once"]
 """Whether a motion repeats, or ends in a pose and holds it."""
+Step = Literal["people", "body", "unit", "up axis", "rate", "ground", "cuts", "kind", "ends"]
+_UNIT_NAMES = {
+    1.0: "m",
+    0.01: "cm",
+    0.001: "mm",
+    0.0254: "inches",
+    0.0254 / 0.45: "inches / 0.45 (CMU's)",
+    0.3048: "feet",
+}
+UNITS = {"mm": 0.001, "cm": 0.01, "dm": 0.1, "m": 1.0, "in": 0.0254, "inch": 0.0254, "inches": 0.0254, "ft": 0.3048}
+"""Names of units in marker files, m."""
+TALL = 1.6  # m: from the lowest to the highest point on a standing person
+FARTHEST = 1e4  # m: a point beyond is a broken number
+MOST_NUMBERS = 30_000_000  # of a recording
+
+
+@dataclass(frozen=True)
+class Decision:
+    """One step's decision about a recording."""
+
+    step: Step
+    decided: str  # in words
+    evidence: str  # the figures that it rests on
+    overrule: str  # the option or the key of a recipe that overrules it
+    notable: bool = False  # something was changed or is doubtful, so that reports of many recordings show it
+
+    def __str__(self) -> str:
+        remedy = f"; otherwise: {self.overrule}" if self.overrule else ""
+        return f"{self.step}: {self.decided} ({self.evidence}{remedy})"
+
+
+def unit_name(unit: float) -> str:
+    """The name of a unit of length in m."""
+    return _UNIT_NAMES.get(unit, f"{unit:g} m")
+
+
+def unit_decision(unit: float, other: float | None, leg: float, given: float | None, fixed: float | None) -> Decision:
+    """Of a file's unit, m, with a leg of `leg` m, `given` by option or `fixed` by the format; `other` fits too."""
+    why = "as given" if given else "the format's" if fixed else f"a leg is then {leg:.2f} m long"
+    if other is not None:
+        why += f"; in {unit_name(other)} it is {leg * other / unit:.2f} m, which fits too"
+    remedy = "--unit METRES" if other is None else f"--unit {other:.4g}"
+    return Decision("unit", unit_name(unit), why, remedy, notable=other is not None)
+
+
+def up_decision(up: str, given: str | None, fixed: str | None) -> Decision:
+    """The decision about the vertical axis of a file."""
+    why = "as given" if given else "the format's" if fixed else "the body stands along it and touches the ground"
+    return Decision("up axis", up, why, "--up y or z")
 
 
 @dataclass(frozen=True, eq=False)
 class Clip:
-    """T frames of a skeleton with B bones.
+    """One recorded motion at a constant rate: T frames of a skeleton with B bones.
 
     FileFormatError if shapes disagree, a number is not finite, the rate is not positive, or there are no frames.
     """
@@ -54,3 +103,40 @@ class Clip:
     def joints(self) -> Array:
         """Joint positions, the root first, shape (T, 1 + B, 3), m."""
         return self.skeleton.joints(self.root_position, self.rotation)
+
+
+@dataclass(frozen=True, eq=False)
+class Markers:
+    """T frames of M points."""
+
+    labels: tuple[str, ...]
+    rate: float  # Hz
+    position: Array  # (T, M, 3), m, in the axes of the file; NaN where a point was not seen
+    up: str | None  # vertical axis of the file, "x", "y" or "z"; None if unknown
+    source: str  # name of the file
+
+
+def unit_of_size(position: Array) -> float:
+    """The unit, m, mm or cm, in which points (T, M, 3), NaN where not seen, have the size of a person."""
+    # Judged by the median frame; millimetres if no two points were seen.
+    there = np.isfinite(position)
+    highest = np.where(there, position, -np.inf).max(axis=1)
+    lowest = np.where(there, position, np.inf).min(axis=1)
+    size = (highest - lowest).max(axis=-1)
+    size = size[np.isfinite(size) & (size > 0.0)]
+    if len(size) == 0:
+        return UNITS["mm"]
+    return min((UNITS[unit] for unit in ("mm", "cm", "m")), key=lambda unit: abs(np.log(np.median(size) * unit / TALL)))
+
+
+def bridged(track: Array) -> Array:
+    """A track (T, C), seen at least once, with its gaps interpolated linearly."""
+    there = np.flatnonzero(~np.isnan(track[:, 0]))
+    every = np.arange(len(track))
+    return np.stack([np.interp(every, there, track[there, axis]) for axis in range(track.shape[1])], axis=-1)
+
+
+def runs(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """The runs (first, end) of set flags (K,)."""
+    change = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(np.int8), [0]])))
+    return [(int(first), int(end)) for first, end in change.reshape(-1, 2)]

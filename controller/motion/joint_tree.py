@@ -21,8 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.motion.bone_names import named_parts
-from controller.motion.clip import Clip
-from controller.motion.decision import unit_decision, up_decision
+from controller.motion.clip import Clip, unit_decision, up_decision
 from controller.motion.reading_options import ReadingOptions
 from controller.motion.rest_pose import RecordedBody, rest_skeleton
 from controller.motion.rotations import Array, between, conjugate, continuous, dot, multiply, normalise, rotate

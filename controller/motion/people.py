@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from controller.motion.bone_names import named_parts
-from controller.motion.decision import Decision
+from controller.motion.clip import Decision
 from controller.motion.joint_tree import JointTree, free_name
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.files import listed

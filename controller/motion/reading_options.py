@@ -1,11 +1,16 @@
-"""Options that override or complete what the file of a recording says."""
+"""How recordings are read: what overrides or completes a file, and a row of the list of formats.
+
+A format is a module of the folder `formats` that defines its row FORMAT. Readers raise FileFormatError, naming the file
+and where possible the line, if it cannot be read or is broken.
+"""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
+from controller.motion.clip import Clip, Markers
 from controller.motion.up_axis import Up
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.files import listed
@@ -63,3 +68,15 @@ class ReadingOptions:
 
 AS_FOUND = ReadingOptions()
 """Everything is detected from the file."""
+Reader = Callable[[str | Path, ReadingOptions], Clip | Markers]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Format:
+    """One row of the list of formats; docs/formats.toml says in words what each reads."""
+
+    suffixes: tuple[str, ...]  # in lower case
+    read: Reader  # returns the clip, or the markers that a body is then fitted to
+    magic: bytes = b""  # first bytes of every such file, by which a wrong suffix is recognised; may be empty
+    matches: Callable[[Path], bool] = lambda _: True  # false for other files with one of the suffixes
+    general: bool = False  # reads, or refuses with the reason, what no other format of its suffixes matches

@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.motion.bone_names import NamedPart, Part, Side, named_parts
-from controller.motion.clip import Clip
-from controller.motion.decision import Decision
+from controller.motion.clip import Clip, Decision
 from controller.motion.rotations import Array, conjugate, cross, normalise, rotate, yaw
 from motiondeck_base.errors import FileFormatError
 

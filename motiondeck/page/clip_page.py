@@ -12,7 +12,7 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
-from controller.motion.decision import Decision
+from controller.motion.clip import Decision
 from controller.motion.rotations import Array
 from motiondeck.page.body.footprints import Print
 from motiondeck.page.body.live_marks import add_print

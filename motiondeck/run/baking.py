@@ -15,7 +15,7 @@ from controller.learning.fit import fit_prepared
 from controller.learning.preparation.loops import Seam, close_loop
 from controller.learning.recipe import LibraryRecipe, MotionRecipe, recipe_of
 from controller.learning.trainers.phase_conceptor import PhaseRecipe
-from controller.learning.trainers.registry import trainer_of
+from controller.learning.trainers.trainer import trainer_of
 from controller.learning.training_set import TrainingSet
 from controller.library.library_header import BakedFrom, MotionInfo
 from controller.library.motion_library import MotionLibrary, load_library

@@ -21,7 +21,7 @@ from scipy.interpolate import CubicSpline
 from scipy.special import expit
 
 from controller.learning.centralized.satellite_learning import learn, ridge_readout, slow_and_fast
-from controller.motion.markers import bridged, runs
+from controller.motion.clip import bridged, runs
 from controller.motion.rotations import Array
 from controller.networks.ridge import ridge
 

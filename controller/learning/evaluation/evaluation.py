@@ -8,8 +8,7 @@ from typing import Any
 from controller.learning.evaluation.failure_rates import Subject, train_subjects
 from controller.learning.measures.self_test import Judge, MotionVerdict, self_test
 from controller.learning.recipe import LibraryRecipe, read_recipe, recipe_of
-from controller.learning.trainers.registry import trainer_of
-from controller.learning.trainers.trainer import Trainer, TrainingError
+from controller.learning.trainers.trainer import Trainer, TrainingError, trainer_of
 from controller.learning.training_set import TrainingSet, prepare
 from controller.library.motion_library import load_library
 from controller.motion.rotations import Array

@@ -9,8 +9,7 @@ import numpy as np
 
 from controller.learning.preparation.loops import best_seam, eased_mm, in_place, largest_omission, with_velocities
 from controller.learning.preparation.takes import spread_of
-from controller.motion.clip import Plays
-from controller.motion.decision import Decision
+from controller.motion.clip import Decision, Plays
 from controller.motion.rotations import Array
 
 LOOP_KEEPS = 0.5  # a loop keeps at least this share of its recording

@@ -4,7 +4,6 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from controller.learning.measures.accuracy import mabs, nrmse
 from controller.learning.measures.self_test import Judge
 from controller.learning.reservoirs.aperture_choice import settled_network
 from controller.learning.reservoirs.conceptor_training import (
@@ -15,7 +14,7 @@ from controller.learning.reservoirs.conceptor_training import (
     load_reservoir,
 )
 from controller.learning.reservoirs.incremental_loading import load_one_more, memory_of, quota
-from controller.learning.trainers.trainer import Lessons, NewMotion, SettledNetwork, Trainer, TrainingError
+from controller.learning.trainers.trainer import Lessons, NewMotion, SettledNetwork, Trainer, TrainingError, mabs, nrmse
 from controller.motion.rotations import Array
 from controller.networks.conceptor.network import ConceptorNetwork
 from controller.networks.ridge import ridge

@@ -13,10 +13,9 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.learning.measures.accuracy import mabs
 from controller.learning.measures.self_test import Judge, self_test
 from controller.learning.preparation.training_motion import TrainingMotion
-from controller.learning.trainers.trainer import Lessons, NewMotion, Trainer
+from controller.learning.trainers.trainer import Lessons, NewMotion, Trainer, mabs
 from controller.motion.encodings.normalisation import Normalisation
 from controller.motion.rotations import Array
 from controller.networks.reservoirs.phase_driven import PhaseDrivenNetwork, PhaseMotion

@@ -1,25 +1,52 @@
-"""The interface of a trainer of one kind of network."""
+"""The interface of a trainer of one kind of network, and its errors.
+
+The trainer of a kind is in a file here, named as the kind's folder in `controller/networks`.
+"""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import cache
+from importlib import import_module
 from typing import Any, ClassVar, Generic, Protocol, TypeVar
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.learning.measures.accuracy import mabs, nrmse
 from controller.learning.measures.self_test import Judge
 from controller.learning.preparation.training_motion import TrainingMotion
 from controller.motion.encodings.encoding import Encoding
 from controller.motion.encodings.normalisation import Normalisation
 from controller.motion.rotations import Array
 from controller.networks.base import AnyNetwork
+from controller.networks.registry import network_kinds
 from motiondeck_base.errors import MotiondeckError
 
 FARTHEST = 50.0  # half ranges of a channel in the stored motions: beyond it no reservoir can follow
 STILL = 1e-3  # m, m/s, rad, or of a direction: what moves less stands still
+
+
+def nrmse(output: Array, target: Array) -> float:
+    """Mean over channels of sqrt(mean squared error / mean of both variances), the measure behind the thesis's tables.
+
+    Eq. 3.3 of Deliallisi 2017 as printed divides by the variance of the error itself and is always about 1; the tables
+    come from this definition. Both have shape (T, C), else a MotiondeckError; channels that never move are left out.
+    """
+    output, target = np.asarray(output), np.asarray(target)
+    if output.shape != target.shape:
+        raise MotiondeckError(f"an output of shape {output.shape} and a target of shape {target.shape} do not compare")
+    variance = 0.5 * (output.var(0) + target.var(0))
+    moving = target.var(0) > 1e-12
+    if not moving.any():
+        return 0.0
+    squared = np.square(output - target).mean(0)[moving]
+    return float(np.sqrt(squared / variance[moving]).mean())
+
+
+def mabs(weights: NDArray[np.floating]) -> float:
+    """The mean absolute value of a matrix (eq. 3.5): the smaller, the less a network overfits."""
+    return float(np.abs(weights).mean())
 
 
 class NetworkRecipe(Protocol):
@@ -165,3 +192,26 @@ class Trainer(ABC, Generic[Recipe]):
     def readout_size(self, network: Any, scaling: Array) -> float:
         """The mean absolute readout, of channels scaled to [-1, 1]."""
         return float(np.mean([mabs(network[name].readout) for name in network.motions]))
+
+
+@cache
+def trainer_named(kind: str) -> Trainer[Any]:
+    """The trainer of a kind of network."""
+    trainer: Trainer[Any] = import_module(f"controller.learning.trainers.{kind.replace('-', '_')}").TRAINER
+    return trainer
+
+
+def trainer_of(recipe: NetworkRecipe) -> Trainer[Any]:
+    """The trainer that a recipe is for."""
+    return trainer_named(kind_of(recipe))
+
+
+def kind_of(recipe: NetworkRecipe) -> str:
+    """The kind of network that a recipe describes."""
+    own: Any = recipe
+    return str(own.__struct_config__.tag)
+
+
+def network_recipes() -> tuple[type[NetworkRecipe], ...]:
+    """The recipes of all kinds."""
+    return tuple(trainer_named(kind).recipe for kind in network_kinds())

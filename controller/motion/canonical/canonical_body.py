@@ -35,8 +35,7 @@ from controller.motion.rotations import (
     rotate,
     yaw,
 )
-from controller.motion.skeleton import Skeleton
-from controller.motion.thesis_body import JAEGER_BONES, JAEGER_PARENT, JAEGER_REST, thesis_skeleton
+from controller.motion.skeleton import JAEGER_BONES, JAEGER_PARENT, JAEGER_REST, Skeleton, thesis_skeleton
 from controller.motion.upper_body import ACCEPTED, lacks_legs
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.files import listed

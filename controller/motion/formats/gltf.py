@@ -12,11 +12,10 @@ from pathlib import Path
 import numpy as np
 
 from controller.motion.clip import Clip
-from controller.motion.file_format import Format
 from controller.motion.formats.gltf_buffers import Accessors, Animation, Asset, Sampler, open_gltf
 from controller.motion.joint_tree import MOST_POSES, JointTree, clip_of, distinct
 from controller.motion.people import chosen_person, people_in
-from controller.motion.reading_options import AS_FOUND, ReadingOptions
+from controller.motion.reading_options import AS_FOUND, Format, ReadingOptions
 from controller.motion.rotations import (
     Array,
     conjugate,

@@ -19,17 +19,15 @@ from pathlib import Path
 
 import numpy as np
 
-from controller.motion.file_format import Format
+from controller.motion.clip import FARTHEST, MOST_NUMBERS, Markers, unit_of_size
 from controller.motion.formats.markers.joint_points import joint_points, turned_over
 from controller.motion.formats.npz_arrays import NpzArrays, npz_names, plain_array
 from controller.motion.formats.smpl import JOINTS
-from controller.motion.markers import FARTHEST, Markers, unit_of_size
-from controller.motion.reading_options import AS_FOUND, ReadingOptions
+from controller.motion.reading_options import AS_FOUND, Format, ReadingOptions
 from controller.motion.rotations import Array, about, rotate
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.files import listed, read_bytes
 
-MOST_NUMBERS = 30_000_000
 _JOINTS = ("joints", "joints3d", "joints_3d", "keypoints3d_optim", "keypoints3d", "keypoints_3d", "joint_positions")
 _NAMES = ("joint_names", "keypoint_names", "names", "labels")
 _RATES = {22: 20.0, 21: 12.5}  # Hz, of HumanML3D and KIT-ML, by joints

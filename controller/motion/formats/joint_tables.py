@@ -18,12 +18,11 @@ from typing import get_args
 import numpy as np
 
 from controller.motion.clip import Clip, Plays
-from controller.motion.file_format import Format
 from controller.motion.formats.npz_arrays import NpzArrays, npz_names
 from controller.motion.formats.positions import is_table
 from controller.motion.formats.tables import TIMES, even_times, first_row, heading, numbers
 from controller.motion.formats.taught_clip import rounded, taught_clip
-from controller.motion.reading_options import AS_FOUND, UNITS, ReadingOptions
+from controller.motion.reading_options import AS_FOUND, UNITS, Format, ReadingOptions
 from controller.motion.rotations import Array
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.files import Line, as_float, write_file

@@ -26,10 +26,9 @@ import numpy as np
 
 from controller.motion.canonical.clip_edits import cubic
 from controller.motion.clip import Clip, Plays
-from controller.motion.file_format import Format
 from controller.motion.formats.taught_clip import taught_clip
 from controller.motion.quintic import rise
-from controller.motion.reading_options import AS_FOUND, UNITS, ReadingOptions
+from controller.motion.reading_options import AS_FOUND, UNITS, Format, ReadingOptions
 from controller.motion.rotations import Array
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.toml_file import read_toml

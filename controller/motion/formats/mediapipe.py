@@ -13,17 +13,15 @@ from typing import TypeAlias
 
 import numpy as np
 
-from controller.motion.file_format import Format
+from controller.motion.clip import FARTHEST, MOST_NUMBERS, Markers
 from controller.motion.formats.joint_arrays import MEDIAPIPE
 from controller.motion.formats.markers.joint_points import turned_over
 from controller.motion.formats.tables import even_times, first_row, is_row, separator_of, words_of
-from controller.motion.markers import FARTHEST, Markers
-from controller.motion.reading_options import AS_FOUND, ReadingOptions
+from controller.motion.reading_options import AS_FOUND, Format, ReadingOptions
 from controller.motion.rotations import Array
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.files import Line, as_float, no_number, read_lines, shortened
 
-MOST_NUMBERS = 30_000_000
 _TIMES = ("time", "t", "timestamp", "seconds", "sec")  # besides, with an s or ms at the end
 _LANDMARK = ("landmark", "lm", "landmarkid", "lmid", "landmarkname", "landmarkindex", "lmindex")
 _INDEX = {re.sub("[^a-z]", "", name): index for index, name in enumerate(MEDIAPIPE)}

@@ -3,9 +3,8 @@
 from pathlib import Path
 
 from controller.motion.clip import Clip
-from controller.motion.file_format import Format
 from controller.motion.formats.taught_clip import taught_clip
-from controller.motion.reading_options import AS_FOUND, ReadingOptions
+from controller.motion.reading_options import AS_FOUND, Format, ReadingOptions
 from controller.wire.run_recording import MAGIC, load_recording
 from motiondeck_base.errors import FileFormatError
 

@@ -6,12 +6,11 @@ from pathlib import Path
 
 import numpy as np
 
-from controller.motion.markers import FARTHEST
+from controller.motion.clip import FARTHEST, MOST_NUMBERS
 from controller.motion.rotations import Array
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.files import Line, as_float, no_number, read_lines
 
-MOST_NUMBERS = 30_000_000
 LONGEST_GAP = 0.5  # s without a frame
 TIMES = ("time_s", "time", "time (s)", "time [s]", "timestamp", "seconds", "t")  # names of the first column
 _SNIFFED = 1 << 16  # bytes read to identify a table

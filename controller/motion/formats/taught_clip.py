@@ -8,8 +8,7 @@ import numpy as np
 
 from controller.motion.clip import Clip, Plays
 from controller.motion.encodings.joint_angles import JointAngles, JointBody, angles_of
-from controller.motion.file_format import Format
-from controller.motion.reading_options import AS_FOUND, ReadingOptions
+from controller.motion.reading_options import AS_FOUND, Format, ReadingOptions
 from controller.motion.rotations import Array
 from motiondeck_base.arrays_file import Kind, read_arrays, write_arrays
 from motiondeck_base.errors import FileFormatError

@@ -5,10 +5,9 @@ from pathlib import Path
 
 import numpy as np
 
-from controller.motion.clip import Clip
+from controller.motion.clip import Clip, Markers
 from controller.motion.formats.joint_tables import save_joint_table
 from controller.motion.formats.taught_clip import save_taught_clip
-from controller.motion.markers import Markers
 from controller.motion.rotations import Array, conjugate, multiply, rotate, to_matrix
 from controller.motion.skeleton import ROOT
 from controller.motion.up_axis import TO_OURS

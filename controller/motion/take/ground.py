@@ -11,9 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.motion.canonical.canonical_body import CANONICAL_BONES, to_canonical
-from controller.motion.clip import Clip
-from controller.motion.decision import Decision
-from controller.motion.markers import runs
+from controller.motion.clip import Clip, Decision, runs
 from controller.motion.rotations import Array, between, dot, multiply, normalise, rotate
 from controller.motion.upper_body import RESTS
 from motiondeck_base.errors import FileFormatError

@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.motion.canonical.clip_edits import FASTEST_BODY, cubic, interpolated
-from controller.motion.clip import Clip
-from controller.motion.decision import Decision
+from controller.motion.clip import Clip, Decision
 from controller.motion.rotations import Array, continuous
 from motiondeck_base.counted import counted
 

@@ -9,12 +9,10 @@ import numpy as np
 from controller.learning.recording_analysis import decided
 from controller.motion.anatomy import SIDES, Part, anatomy
 from controller.motion.canonical.body_doubts import doubts, recorded_parts
-from controller.motion.clip import Clip
-from controller.motion.decision import Decision
+from controller.motion.clip import Clip, Decision, runs
 from controller.motion.encodings.joint_angles import angles_of
 from controller.motion.formats.markers.marker_fit import Fit, misplaced
 from controller.motion.formats.reading import FittedClip
-from controller.motion.markers import runs
 from motiondeck_base.errors import FileFormatError
 
 LIMBS: tuple[Part, ...] = ("thigh", "shank", "foot", "upper arm", "forearm", "hand")

@@ -27,9 +27,8 @@ from motiondeck_base.files import check_folder
 
 if TYPE_CHECKING:
     from controller.learning.centralized.reconstruction import Gap
-    from controller.motion.clip import Clip
+    from controller.motion.clip import Clip, Markers
     from controller.motion.formats.reading import FittedClip
-    from controller.motion.markers import Markers
     from controller.motion.reading_options import ReadingOptions
 
 app = typer.Typer(help="Show, convert, draw and view recordings and joint motions.", no_args_is_help=True)
@@ -240,7 +239,7 @@ def _print_joints(known: dict[str, Any]) -> None:
 
 
 def _print(known: dict[str, Any]) -> None:
-    from controller.motion.decision import Decision
+    from controller.motion.clip import Decision
     from motiondeck.cli.common.tables import show_facts
 
     rows = {

@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.motion.markers import runs
+from controller.motion.clip import runs
 from controller.motion.rotations import Array
 from sim.models.feet import Foot
 from sim.models.scenery import body_height

@@ -9,8 +9,7 @@ import numpy as np
 
 from controller.motion.anatomy import Anatomy, Part, anatomy
 from controller.motion.rotations import Array, from_matrix
-from controller.motion.skeleton import ROOT, Skeleton
-from controller.motion.thesis_body import thesis_skeleton
+from controller.motion.skeleton import ROOT, Skeleton, thesis_skeleton
 from sim.models.gravity import GRAVITY
 from sim.models.mannequin.solids import Solid, bone_solids, limb_inertia, masses, pelvis_solids
 from sim.models.overlaps import near_bodies

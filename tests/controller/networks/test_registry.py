@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from controller.learning.trainers.registry import kind_of, network_recipes, trainer_named
+from controller.learning.trainers.trainer import kind_of, network_recipes, trainer_named
 from controller.motion.encodings.encoding import ENCODINGS
 from controller.networks.registry import network_kind, network_kinds
 from motiondeck_base.errors import UnknownNameError

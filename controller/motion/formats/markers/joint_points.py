@@ -13,13 +13,11 @@ from dataclasses import replace
 import numpy as np
 
 from controller.motion.bone_names import named_parts
-from controller.motion.clip import Clip
+from controller.motion.clip import Clip, Markers, bridged
 from controller.motion.formats.markers.skin_markers import marks_pelvis
-from controller.motion.markers import Markers, bridged
 from controller.motion.orientation import orient
 from controller.motion.rotations import Array, best_fit, continuous, dot, normalise, rotate
-from controller.motion.skeleton import ROOT, Skeleton
-from controller.motion.thesis_body import JAEGER_BONES, JAEGER_PARENT, JAEGER_REST, thesis_skeleton
+from controller.motion.skeleton import JAEGER_BONES, JAEGER_PARENT, JAEGER_REST, ROOT, Skeleton, thesis_skeleton
 from controller.motion.up_axis import TO_OURS
 
 LEGS = tuple(side + joint for side in "lr" for joint in ("hip", "kne", "ank"))  # which every body needs

@@ -16,8 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controller.motion.clip import Clip
-from controller.motion.markers import Markers, bridged
+from controller.motion.clip import Clip, Markers, bridged
 from controller.motion.orientation import orient
 from controller.motion.rotations import (
     Array,
@@ -30,8 +29,7 @@ from controller.motion.rotations import (
     rotate,
     to_rotation_vector,
 )
-from controller.motion.skeleton import ROOT, Skeleton
-from controller.motion.thesis_body import JAEGER_BONES, JAEGER_PARENT, thesis_skeleton
+from controller.motion.skeleton import JAEGER_BONES, JAEGER_PARENT, ROOT, Skeleton, thesis_skeleton
 from controller.motion.up_axis import TO_OURS
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.files import listed

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
+from controller.motion.clip import Markers, bridged
 from controller.motion.formats.markers.marker_fit import ANKLE, ELBOW, KNEE, SHOULDER, hips_of_pelvis
-from controller.motion.markers import Markers, bridged
 from controller.motion.rotations import Array, cross, normalise
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.files import listed

@@ -16,13 +16,11 @@ from pathlib import Path
 
 import numpy as np
 
-from controller.motion.file_format import Format
-from controller.motion.markers import FARTHEST, UNITS, Markers
-from controller.motion.reading_options import AS_FOUND, ReadingOptions
+from controller.motion.clip import FARTHEST, MOST_NUMBERS, UNITS, Markers
+from controller.motion.reading_options import AS_FOUND, Format, ReadingOptions
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.files import Line, as_float, listed, no_number, read_lines, shortened
 
-MOST_NUMBERS = 30_000_000
 UNSEEN = {"", "nan", "-nan", "none"}
 
 

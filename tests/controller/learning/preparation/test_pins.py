@@ -7,7 +7,7 @@ from controller.learning.preparation.loops import Seam, close_loop, pinned
 from controller.motion.clip import Clip
 from controller.motion.encodings.bone_directions import BoneDirections
 from controller.motion.rotations import between, continuous
-from controller.motion.thesis_body import thesis_skeleton
+from controller.motion.skeleton import thesis_skeleton
 
 RATE = 120.0
 LENGTHS = [0.1, 0.4, 0.4, 0.15, 0.1, 0.4, 0.4, 0.15, 0.2, 0.25, 0.2, 0.15, 0.3, 0.25, 0.1, 0.15, 0.3, 0.25, 0.1]

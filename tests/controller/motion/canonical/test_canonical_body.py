@@ -31,8 +31,7 @@ from controller.motion.formats.acclaim.amc import skeleton_of as skeleton_of_rec
 from controller.motion.formats.reading import read_clip
 from controller.motion.reading_options import ReadingOptions
 from controller.motion.rotations import conjugate, multiply, normalise, rotate
-from controller.motion.skeleton import Skeleton
-from controller.motion.thesis_body import thesis_skeleton
+from controller.motion.skeleton import Skeleton, thesis_skeleton
 from motiondeck_base.errors import FileFormatError
 from simulated_bodies import human, skeleton_of, smooth_poses
 

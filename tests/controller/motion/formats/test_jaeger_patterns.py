@@ -7,7 +7,7 @@ import pytest
 from controller.motion.encodings.bone_directions import BoneDirections
 from controller.motion.formats import mat5
 from controller.motion.formats.jaeger_patterns import read_pattern
-from controller.motion.thesis_body import JAEGER_BONES, JAEGER_PARENT, JAEGER_REST, thesis_skeleton
+from controller.motion.skeleton import JAEGER_BONES, JAEGER_PARENT, JAEGER_REST, thesis_skeleton
 from motiondeck_base.errors import FileFormatError
 from recordings import mat_bytes, pattern_fields
 

@@ -57,7 +57,7 @@ def test_one_frame_is_a_pose(tmp_path, walk):
 
 
 def test_markers_stay_markers(tmp_path):
-    from controller.motion.markers import Markers
+    from controller.motion.clip import Markers
 
     seen = np.random.default_rng(0).normal(size=(4, 3, 3))
     seen[1, 2] = np.nan

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from bodies import turned, waving
 from controller.motion.canonical.clip_edits import span
-from controller.motion.take.cuts import cuts_of
+from controller.motion.take.segmentation import cuts_of
 
 RATE = 60.0
 

@@ -5,6 +5,7 @@ import re
 import numpy as np
 import pytest
 
+from controller.motion.clip import Markers
 from controller.motion.formats.markers.c3d import read_c3d
 from controller.motion.formats.markers.marker_fit import (
     ANKLE,
@@ -17,9 +18,8 @@ from controller.motion.formats.markers.marker_fit import (
     misplaced,
 )
 from controller.motion.formats.reading import read_clip
-from controller.motion.markers import Markers
 from controller.motion.rotations import conjugate, rotate
-from controller.motion.thesis_body import JAEGER_BONES
+from controller.motion.skeleton import JAEGER_BONES
 from controller.motion.up_axis import TO_OURS
 from motiondeck_base.errors import FileFormatError
 from recordings import c3d_bytes

@@ -8,14 +8,14 @@ from test_marker_fit import worn
 
 from controller.motion.canonical.body_doubts import doubts
 from controller.motion.canonical.canonical_body import is_canonical, to_canonical
+from controller.motion.clip import Markers
 from controller.motion.formats.markers.c3d import read_c3d
 from controller.motion.formats.markers.joint_points import jointed_body
 from controller.motion.formats.markers.marker_fit import fit_markers
 from controller.motion.formats.markers.skin_markers import joints_under_skin
 from controller.motion.formats.reading import read_clip
-from controller.motion.markers import Markers
 from controller.motion.rotations import dot, normalise
-from controller.motion.thesis_body import JAEGER_BONES
+from controller.motion.skeleton import JAEGER_BONES
 from motiondeck_base.errors import FileFormatError
 from recordings import c3d_bytes
 from written_files import trc_text
