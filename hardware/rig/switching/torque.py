@@ -68,6 +68,8 @@ def switch_on(
             raise RigError(f"{'; '.join(refused)}. Set it with motiondeck rig doctor RIG --fix.")
         settle((difference for difference in differences if difference.when == "switch-on"), config, bus)
         held = hold_still(config, bus, believed)
+        # One that was swapped since the first check keeps the speed limit by which `_take_torque_on` would know it.
+        check_identities(config, bus)
         if cancelled():
             raise RigError("the rig was closed before torque was on.")
         _take_torque_on(config, bus)

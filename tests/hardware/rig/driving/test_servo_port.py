@@ -7,7 +7,7 @@ import pytest
 from hardware.errors import RigError
 from hardware.families.dynamixel2.frames import SYNC_WRITE, WRITE, Parser
 from hardware.rig.supervision.rig import Rig
-from hardware.rig.switching.torque import hold_still
+from hardware.rig.switching.identities import check_identities, raise_answer_level
 
 TICK = 0.01
 
@@ -108,13 +108,26 @@ def test_a_servo_that_restarts_while_it_is_switched_on_gets_no_torque(rig_of_fou
     """It has lost its speed limit, and may be another servo than the one whose model was checked."""
 
     def then_restart(*args):
-        held = hold_still(*args)
+        check_identities(*args)
         device = port.bus[3]
-        device.swap(1190, port.now() + 0.1) if cause == "swap" else device.reboot(port.now() + 0.1)
-        return held
+        if device["profile_velocity"]:  # it is set up, and this was the last check
+            device.swap(1190, port.now() + 0.1) if cause == "swap" else device.reboot(port.now() + 0.1)
 
-    monkeypatch.setattr("hardware.rig.switching.torque.hold_still", then_restart)
+    monkeypatch.setattr("hardware.rig.switching.torque.check_identities", then_restart)
     with pytest.raises(RigError, match=r"joint_3 \(id 3\) has restarted while it was switched on"):
+        Rig(rig_of_four, lambda part: bus)
+    assert registers(port.bus, "torque_enable") == [0, 0, 0, 0]
+
+
+def test_a_servo_that_is_swapped_after_its_model_was_checked_gets_no_torque(rig_of_four, port, bus, monkeypatch):
+    """It is set up as the one before it would be, with its speed limit."""
+
+    def swap_first(*args):
+        port.bus[3].swap(1190, port.now())
+        raise_answer_level(*args)
+
+    monkeypatch.setattr("hardware.rig.switching.torque.raise_answer_level", swap_first)
+    with pytest.raises(RigError, match=r"joint_3 \(id 3\) answers as XL330-M077, not as XM430-W350"):
         Rig(rig_of_four, lambda part: bus)
     assert registers(port.bus, "torque_enable") == [0, 0, 0, 0]
 
