@@ -99,23 +99,30 @@ def has_small_limit(joint: RigJoint) -> bool:
 
 
 def _friction(joint: RigJoint) -> float:
-    """What friction takes of the motor's stall torque, at rest and at the joint's speed."""
+    """What friction takes of the motor's stall torque, at rest and at the joint's speed, without a weight."""
+    motor = motor_of(joint.model)
+    return 0.0 if motor.friction is None else _taken(joint, motor.friction.dead, 0.0)
+
+
+def _taken(joint: RigJoint, torque: float, weight: float) -> float:
+    """What friction takes of a torque that lifts a weight, all in parts of the stall torque: at rest or in motion."""
     motor = motor_of(joint.model)
     if motor.friction is None:
         return 0.0
-    speed = np.array([joint.velocity * joint.gear / (motor.no_load_speed / 60.0 * 2.0 * np.pi)])
-    dead = np.array([motor.friction.dead])
-    return max(float(dead[0]), float(motor.friction.most(dead, np.zeros(1), speed)[0]))
+    fastest = motor.no_load_speed / 60.0 * 2.0 * np.pi
+    speeds = np.array([0.0, joint.velocity * joint.gear / fastest])
+    return float(motor.friction.most(np.full(2, torque), np.full(2, -weight), speeds).max())
 
 
 def _bearable(joint: RigJoint, weight: float) -> float:
-    """The weight that a joint can hold and move: none on one that grips, or may be turned by it into another turn."""
+    """The weight that a joint can hold and lift: none on one that grips, or may be turned by it into another turn."""
     if joint.grip or joint.several_turns:
         return 0.0
     if not joint.current or weight == 0.0:
         return weight
-    limit = joint.current / (motor_of(joint.model).stall_current * 1e-3)
-    return min(weight, max(0.0, _TAKES * limit - _friction(joint)))
+    torque = _TAKES * joint.current / (motor_of(joint.model).stall_current * 1e-3)
+    # Gears rub the harder the more torque goes through them: a weight takes more than it weighs.
+    return min(weight, max(0.0, torque - _taken(joint, torque, weight)))
 
 
 def burdened(
