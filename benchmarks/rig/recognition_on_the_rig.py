@@ -33,7 +33,7 @@ from hardware.bus.servo_bus import Bus
 from hardware.emulator.bus import EmulatedBus
 from hardware.rig.rig_file import load_rig
 from hardware.rig.supervision.rig import Rig
-from motiondeck.run.recognition.watches import MismatchPolicy, RecognitionWatch
+from motiondeck.run.recognition.watches import RecognitionWatch
 from motiondeck.run.robots.rig_output import RigOutput, narrowed
 from motiondeck_base.shipped import find_library, find_rig, find_robot
 from sim.physics.playback import PhysicsPlayback
@@ -83,7 +83,6 @@ class Stage:
             output = RigOutput(rig, robot.joints, self.config.rate_hz)
             channel = Channel(output, round(RATE / self.config.rate_hz))
         watch = RecognitionWatch(
-            MismatchPolicy(PATIENCE, stop=False),
             self.library,
             deepcopy(robot.retarget),
             robot.joints,
@@ -91,6 +90,8 @@ class Stage:
             self.limits,
             channel,
             RATE,
+            PATIENCE,
+            stop=False,
         )
         deck = Deck(self.library, deepcopy(robot.retarget), motion)
         deck.set_tempo(self.tempo)

@@ -21,9 +21,8 @@ from controller.motion.rotations import Array
 from controller.wire.messages.arguments import CommandError
 from controller.wire.messages.commands import Blend
 from controller.wire.messages.replies import Refused
-from motiondeck.run.spec.program import Program
+from motiondeck.run.spec.program import Program, Timed
 from motiondeck.run.spec.run_spec import RunSpec
-from motiondeck.run.spec.script import Timed
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
 from motiondeck_base.shipped import find_library
 from sim.robots.catalogue import find_robot

@@ -36,8 +36,8 @@ from motiondeck.run.beside.child_process import Children, PageProcess, child_pro
 from motiondeck.run.report import RunNews
 from motiondeck.run.robots.robot_on_deck import RobotOnDeck, channels_of
 from motiondeck.run.session import Session, WiredStopWatch
+from motiondeck.run.spec.program import Timed
 from motiondeck.run.spec.run_spec import RunSpec, is_emulated
-from motiondeck.run.spec.script import Timed
 from motiondeck_base.shipped import find_rig
 from sim.robots.verdict import RobotVerdict
 
@@ -285,7 +285,7 @@ def _correction(
 def _watch(spec: RunSpec, played: Played, first: RobotOnDeck, channel: Channel) -> Watch | None:
     if spec.recognizer is None and not spec.recognize:
         return None
-    from motiondeck.run.recognition.watches import BodyWatch, MismatchPolicy, RecognitionWatch
+    from motiondeck.run.recognition.watches import BodyWatch, RecognitionWatch
 
     if spec.recognizer is not None:
         # What recognizes takes longer to import than all that plays.
@@ -294,8 +294,8 @@ def _watch(spec: RunSpec, played: Played, first: RobotOnDeck, channel: Channel) 
         return BodyWatch(load_recognizer(Path(spec.recognizer)), played.source.skeleton)
     if not isinstance(played.source, MotionLibrary):
         return None
-    policy = MismatchPolicy(spec.mismatch_after, spec.on_mismatch == "stop")
-    return RecognitionWatch.over(first, channel, played.source, spec.rate, policy)
+    stop = spec.on_mismatch == "stop"
+    return RecognitionWatch.over(first, channel, played.source, spec.rate, spec.mismatch_after, stop=stop)
 
 
 def _recorder(

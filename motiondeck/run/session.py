@@ -6,7 +6,7 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -28,26 +28,18 @@ from controller.wire.stop_door import StopDoor
 from motiondeck.run.beside.child_process import Children
 from motiondeck.run.report import RunNews, progress_line, run_report
 from motiondeck.run.robots.robot_on_deck import RobotOnDeck
+from motiondeck.run.spec.program import Timed
 from motiondeck.run.spec.run_spec import RunSpec
-from motiondeck.run.spec.script import Timed
 from sim.robots.verdict import RobotVerdict
 
 if TYPE_CHECKING:  # page, recorder and recognition are imported by a run that has them
-    from controller.deck.switch import CommandedSwitch
-    from controller.loop.commands.interfaces import Playback
-    from controller.loop.run_phases import Player
+    from controller.deck.deck import Deck
     from motiondeck.run.beside.tick_recorder import TickRecorder
     from motiondeck.run.guard.guarded_rig import GuardedRig
-    from motiondeck.run.page.page import Page, ShownDeck
+    from motiondeck.run.page.page import Page
     from motiondeck.run.recognition.watches import Watch
 
-    class PlayableDeck(Player, Playback, ShownDeck, Protocol):
-        """A deck as a session needs it."""
-
-        @property
-        def switches(self) -> Sequence[CommandedSwitch]:
-            """The commanded switches."""
-            ...
+    PlayableDeck = Deck | RecordedDeck
 
 
 PICTURE_HZ = 50.0

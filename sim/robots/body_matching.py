@@ -28,11 +28,11 @@ from sim.robots.standing_body import (
     STANDS,
     RobotLimb,
     StandingBody,
-    bend_index,
     can_bend,
     end_joint,
     front_direction,
     limb_bodies,
+    possible_bends,
     rival_bends,
 )
 
@@ -290,7 +290,7 @@ class _Matcher:
         reach, seen, folding = 0.0, True, True
         for leg in legs:
             limb = self.body.limb(leg, pelvis)
-            knee = bend_index(self.body, limb, limb)
+            knee = possible_bends(self.body, limb, limb)[0]
             ankle = end_joint(self.body, limb, knee)
             ahead = front_direction(self.body, limb, knee) @ across if ankle is None else 0.0
             last, seen = (limb.joints[-1], False) if ankle is None else (ankle, seen)
@@ -337,16 +337,14 @@ class _Matcher:
         """The message for a robot that is no humanoid, with its limbs."""
         limbs: dict[int, int] = {}
         for end in self.ends:
-            branch = next((b for b in path_to(self.model, end) if self._ends_below(b) == 1), end)
+            alone = (b for b in path_to(self.model, end) if sum(e in below(self.model, b) for e in self.ends) == 1)
+            branch = next(alone, end)
             limbs[branch] = sum(len(hinges_at(self.model, b)) for b in below(self.model, branch))
         words = [f"'{self.model.body(b).name}' ({count} hinge{'s' * (count > 1)})" for b, count in limbs.items()]
         listed = ", ".join(words[:6]) + (f" and {len(words) - 6} more" if len(words) > 6 else "")
         remedy = unplayed_balls(self.model)
         remedy = remedy or ". If it is one, write a robot file by hand and name its bodies under [parts]"
         return f"{self.path}: this is not a humanoid with two legs: {why}; its limbs are {listed or 'none'}{remedy}."
-
-    def _ends_below(self, body: int) -> int:
-        return sum(end in below(self.model, body) for end in self.ends)
 
 
 def is_left(name: str, other: str) -> bool | None:

@@ -64,6 +64,7 @@ _CLOSING = (int(mujoco.mjtEq.mjEQ_CONNECT), int(mujoco.mjtEq.mjEQ_WELD))
 TRIES, GOOD, BETTER = 24, 0.1, 0.1
 UP = np.array([0.0, 0.0, 1.0])
 SEGMENTS = (("thigh", "shank"), ("upper_arm", "forearm"))
+_ROWS = [[LIMBS.index(f"{side}_{part}") for part in parts] for side in SIDES for parts in SEGMENTS]  # of each limb
 
 
 @dataclass(frozen=True)
@@ -357,7 +358,7 @@ def _tried(limbs: RobotLimbs, limits: JointLimits, start: Array, poses: tuple[Ar
     for q, pose in zip(answers[1:], poses, strict=True):
         limbs.place(q)
         there = limb_directions(limbs)
-        for limb, rows in enumerate(_rows()):
+        for limb, rows in enumerate(_ROWS):
             angles = np.arccos(np.clip(np.einsum("si,si->s", there[rows], pose[rows]), -1.0, 1.0))
             off[limb] = max(off[limb], float((angles * there[rows].any(axis=1)).max()))
     return answers[1], off
@@ -369,11 +370,6 @@ def _bent(stand: Array) -> Array:
         for part, way in (("thigh", (0.6, -0.8)), ("shank", (-0.6, -0.8)), ("forearm", (1.0, 0.0))):
             bent[LIMBS.index(f"{side}_{part}")] = way[0], 0.0, way[1]
     return bent
-
-
-def _rows() -> list[list[int]]:
-    """The rows of LIMBS of each of the four limbs."""
-    return [[LIMBS.index(f"{side}_{part}") for part in parts] for side in SIDES for parts in SEGMENTS]
 
 
 def _is_of(name: str, side: str, first: str) -> bool:

@@ -150,7 +150,7 @@ def limb_bodies(
     parts, data, moved = {}, body.data, body.model.jnt_bodyid
     for side, limb in limbs.items():
         bend = next((k for k, joint in enumerate(limb.joints) if body.model.joint(joint).name in bends), 0)
-        bend = bend or bend_index(body, limb, limbs.get("l" if side == "r" else "r", limb))
+        bend = bend or possible_bends(body, limb, limbs.get("l" if side == "r" else "r", limb))[0]
         knee = limb.joints[bend]
         upper = next((joint for joint in reversed(limb.joints[:bend]) if moved[joint] != moved[knee]), limb.joints[0])
         found = [upper, knee]
@@ -167,15 +167,10 @@ def limb_bodies(
     return parts
 
 
-def bend_index(body: StandingBody, limb: RobotLimb, twin: RobotLimb) -> int:
-    """The index of the knee (elbow) among a limb's joints: the first of `possible_bends`."""
-    return possible_bends(body, limb, twin)[0]
-
-
 def possible_bends(body: StandingBody, limb: RobotLimb, twin: RobotLimb) -> list[int]:
     """The indices of a limb's joints that may be its knee (elbow), from the trunk on: much of the limb on both sides.
 
-    A limb without a twin is its own.
+    The first is taken to be it. A limb without a twin is its own.
     """
     at = [body.data.xanchor[j] for j in limb.joints]
     between = at[0] - body.data.xanchor[twin.joints[0]]

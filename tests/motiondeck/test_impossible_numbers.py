@@ -21,7 +21,7 @@ from controller.loop.safety.safety_envelope import SafetyEnvelope
 from hardware.emulator.bus import EmulatedBus
 from hardware.rig.rig_file import load_rig
 from hardware.rig.scale import RigScale
-from motiondeck.run.spec.script import read_timeline
+from motiondeck.run.spec.program import read_timeline
 from motiondeck.shows.show_file import read_show
 from motiondeck.stage.stage_file import read_stage
 from motiondeck_base.errors import MotiondeckError

@@ -8,6 +8,7 @@ from motiondeck.shows.show_file import ShowCue
 from motiondeck.shows.show_state import DeckRow, ShowState
 
 SILENT_AFTER = 1.0  # s without a word of a deck that is connected
+ENDED = StateLine("ENDED", "the conductor is gone", "stop all decks with: motiondeck conduct --stop", GREY)
 CONDITIONS = {"here": "all are connected", "settled": "no switch is under way", "in step": "all are in step"}
 
 
@@ -16,8 +17,9 @@ def show_line(state: ShowState) -> StateLine:
     if state.stopped_by:
         remedies = ("not reached", "has not reached"), ("holds", "reset at each deck")
         lacks = [f"{remedy}: {', '.join(names)}" for stop, remedy in remedies if (names := _at(state, stop))]
+        by = "the conductor" if state.stopped_by == "conductor" else state.stopped_by
         remedy = "; ".join(lacks) or "all decks are reset: Go"
-        return StateLine("EMERGENCY STOP", f"by {_whom(state.stopped_by)}", remedy, RED)
+        return StateLine("EMERGENCY STOP", f"by {by}", remedy, RED)
     if state.upcoming is None:
         if state.present is None:
             return StateLine("NO CUES", "the decks do what is typed", "", GREY)
@@ -35,11 +37,6 @@ def silent_line(show: str, seconds: float) -> StateLine:
     """The line while the conductor says nothing."""
     remedy = "stop all decks with: motiondeck conduct --stop" if show else "it is starting"
     return StateLine("NO ANSWER", f"of the conductor for {seconds:.0f} s", remedy, RED if show else GREY)
-
-
-def ended_show_line() -> StateLine:
-    """The line that stays when the conductor is gone."""
-    return StateLine("ENDED", "the conductor is gone", "stop all decks with: motiondeck conduct --stop", GREY)
 
 
 def deck_cards(state: ShowState) -> str:
@@ -61,10 +58,6 @@ def _at(state: ShowState, stop: str) -> list[str]:
 def _name(state: ShowState, number: int) -> str:
     name = state.cues[number].name
     return f'"{name}"' if name else f"cue {number + 1}"
-
-
-def _whom(name: str) -> str:
-    return "the conductor" if name == "conductor" else name
 
 
 def _when_next(cue: ShowCue, seconds: float | None) -> str:

@@ -16,7 +16,7 @@ from pathlib import Path
 import msgspec
 import viser
 
-from motiondeck.page.show.show_text import cue_table, deck_cards, ended_show_line, show_line, silent_line
+from motiondeck.page.show.show_text import ENDED, cue_table, deck_cards, show_line, silent_line
 from motiondeck.page.web.page_style import CURRENT, NOTICE_SECONDS, STOPS, STYLE, buttons_in_line, style_in
 from motiondeck.page.web.private_page import PrivatePage
 from motiondeck.shows.show_state import ShowNotice, ShowState
@@ -79,7 +79,7 @@ class ShowView:
 
     def end(self) -> None:
         """Shows that the conductor is gone; nothing can be said any more."""
-        self._line.content = ended_show_line().as_html()
+        self._line.content = ENDED.as_html()
         for button in self._buttons.values():
             button.disabled = True
 

@@ -12,7 +12,7 @@ The emergency stop is kept here (see `stop_state`): the stop door, the wired sto
 own. A reset comes from the deck, and names the presses that it releases.
 """
 
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,9 @@ from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.loop.stop_state import STOP_DOOR, StopState, WiredStop
 from motiondeck.run.guard.messages import States, Targets
 from motiondeck_base.errors import MotiondeckError
+
+if TYPE_CHECKING:
+    from hardware.rig.supervision.rig import Rig
 
 Array = NDArray[np.float64]
 
@@ -34,24 +37,10 @@ _SHORTEST = 0.7  # from one tick to the next
 DECK = "the deck"
 
 
-class DrivenRig(Protocol):
-    """A rig that is switched on, as the guard drives it; see `hardware.rig.supervision.rig.Rig`."""
-
-    goals: Array
-    recoveries: int
-
-    def collect_state(self) -> bool:
-        """Takes what the servos have replied."""
-        ...
-
-    def write(self, targets: Array) -> None:
-        """Sends goals towards targets, shape (J,), rad; raises a MotiondeckError once the rig has stopped for good."""
-
-
 class RigGuard:
     """The joints of a rig between a deck and the bus, tick by tick."""
 
-    def __init__(self, rig: DrivenRig, envelope: SafetyEnvelope, targets: Targets, period: float, now: float) -> None:
+    def __init__(self, rig: "Rig", envelope: SafetyEnvelope, targets: Targets, period: float, now: float) -> None:
         """Holds the joints where the rig holds them; ticks are a period, s, apart, by the machine's steady clock, s."""
         self.stop = StopState("held")  # the state of the emergency stop
         self.wired: WiredStop | None = None  # the wired stop, if there is one

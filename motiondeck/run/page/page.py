@@ -18,7 +18,7 @@ from controller.motion.posture import Pose
 from controller.motion.rotations import Array
 from controller.motion.skeleton import Skeleton
 from controller.networks.base import Activation
-from controller.wire.messages.deck_snapshot import DeckSnapshot, DeckState
+from controller.wire.messages.deck_snapshot import DeckSnapshot
 from controller.wire.run_folder import REASON_FILE, write_shared
 from controller.wire.snapshot_numbers import SnapshotNumbers
 from controller.wire.telemetry import StateWriter
@@ -31,17 +31,6 @@ from motiondeck.run.robots.robot_on_deck import RobotOnDeck, Simulation
 from sim.robots.verdict import RobotVerdict
 
 MOST_FORCES = 6  # parts of the body that touch the floor
-
-
-class ShownDeck(DeckState, Protocol):
-    """A deck as the page shows it."""
-
-    direct: bool
-
-    @property
-    def activation(self) -> Activation | None:
-        """The activation of the network's neurons, shape (N,); None for a network without neurons."""
-        ...
 
 
 @runtime_checkable
@@ -71,7 +60,7 @@ def on_floor(robot: RobotOnDeck) -> OnFloor | None:
 class PageContents:
     """The parts of a run that its page shows."""
 
-    deck: ShownDeck
+    deck: PlayableDeck
     robots: Sequence[RobotOnDeck]  # at least one
     human: Skeleton | None  # the skeleton whose motion is shown beside the robot, if that is known
     watch: Watch | None
@@ -147,6 +136,7 @@ class PageContents:
 
 if TYPE_CHECKING:
     from motiondeck.page.clip_page import Act
+    from motiondeck.run.session import PlayableDeck
 
 SERVOS_EVERY = 5  # pictures
 _POSITIONS = 1  # row of `ServoStates`

@@ -1,15 +1,13 @@
 """Recognition during a run: of motions that the measured joints show, or that a saved recognizer sees in the body."""
 
-# ruff: noqa: D102 (`BodyWatch` and `RecognitionWatch` document what the methods of a `Watch` do)
-
 from __future__ import annotations
 
 import sys
 from collections import Counter, deque
 from collections.abc import Sequence
 from copy import deepcopy
-from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any, Protocol
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,18 +18,8 @@ from controller.loop.loop import LoopState
 from controller.loop.output_channel import Channel
 from controller.loop.stop_requests import StopRequest
 from controller.motion.skeleton import Skeleton
-from controller.wire.messages.deck_snapshot import DeckState, RecognitionState, Recognized
+from controller.wire.messages.deck_snapshot import DeckState, Recognized
 from motiondeck.run.robots.robot_on_deck import RobotOnDeck
-
-
-class Watch(RecognitionState, Protocol):
-    """Recognizes motions while they are played."""
-
-    @property
-    def names(self) -> Sequence[str]: ...
-    def update(self, state: LoopState, deck: DeckState, stop: StopRequest) -> None: ...
-    def report(self) -> dict[str, Any]: ...
-
 
 if TYPE_CHECKING:
     from controller.learning.recognition.recognizer import Recognizer
@@ -87,29 +75,21 @@ class BodyWatch:
 MOST_PRINTED = 20  # alarms on the terminal; the report has more
 
 
-@dataclass(frozen=True)
-class MismatchPolicy:
-    """What happens when the joints do something else than was commanded."""
-
-    patience: float  # how long the joints may look like another motion before there is an alarm, s
-    stop: bool
-
-
 class RecognitionWatch:
     """Feeds a `DeckWatch` from the loop and shows what it finds on the terminal, on the page and in the report."""
 
     @classmethod
     def over(
-        cls, player: RobotOnDeck, channel: Channel, library: MotionLibrary, rate: float, policy: MismatchPolicy
+        cls, player: RobotOnDeck, channel: Channel, library: MotionLibrary, rate: float, patience: float, *, stop: bool
     ) -> RecognitionWatch:
         """A watch over the joints of a simulated robot that one of its channels measures."""
         robot = player.simulation.robot
         retarget = deepcopy(robot.retarget)  # one that remembers a pose must not remember the last one learned
-        return cls(policy, library, retarget, robot.joints, robot.layout.ball, player.limits, channel, rate)
+        measured = retarget, robot.joints, robot.layout.ball, player.limits, channel
+        return cls(library, *measured, rate, patience, stop=stop)
 
     def __init__(
         self,
-        policy: MismatchPolicy,
         library: MotionLibrary,
         retarget: Retargeter,
         joints: Sequence[str],
@@ -117,10 +97,14 @@ class RecognitionWatch:
         limits: JointLimits,
         channel: Channel,
         rate: float,
+        patience: float,
+        *,
+        stop: bool,
     ) -> None:
         """Teaches the experts; joints that the channel does not measure are left out.
 
-        Triples of joints that are rotation vectors are in `balls`, shape (N, 3); the rate is ticks a second, Hz.
+        Triples of joints that are rotation vectors are in `balls`, shape (N, 3); the rate is ticks a second, Hz. After
+        `patience` seconds in which the joints look like another motion there is an alarm, which may `stop` the run.
         """
         # What recognizes takes longer to import than all that plays, and few runs recognize.
         from controller.learning.recognition.deck_recognizer import joint_motions, teach_joints, unwind
@@ -131,13 +115,13 @@ class RecognitionWatch:
         known = np.ones(len(joints), dtype=np.bool_) if measured is None else np.isfinite(measured[: len(joints)])
         self._order = np.flatnonzero(known)
         self._balls = np.searchsorted(self._order, balls[known[balls].all(1)])
-        self._policy, self._channel, self._names = policy, channel, library.network.motions
+        self._stops, self._channel, self._names = stop, channel, library.network.motions
         motions = joint_motions(library, retarget)
         for name, targets in motions.items():
             motions[name] = np.clip(targets, limits.lower, limits.upper)[:, self._order]
             unwind(motions[name], self._balls)
         self._joints = [joints[joint] for joint in self._order.tolist()]
-        self.watch = DeckWatch(teach_joints(motions), self._joints, rate, policy.patience)
+        self.watch = DeckWatch(teach_joints(motions), self._joints, rate, patience)
         self._targets, self._measured = np.zeros(len(self._order)), np.zeros(len(self._order))
         self._time = -1.0
         self._printed = 0
@@ -176,7 +160,7 @@ class RecognitionWatch:
         self._unwind(self._measured, self._balls)
         settled = played and deck.settled
         for alarm in self.watch.update(self._targets, self._measured, deck.playing, settled=settled, at=deck.time):
-            if self._policy.stop and not stop:
+            if self._stops and not stop:
                 stop.ask(alarm.text)
                 self._stopped = True
             if self._printed < MOST_PRINTED:
@@ -195,6 +179,9 @@ class RecognitionWatch:
             "raised": watch.raised,
             "stopped": self._stopped,
         }
+
+
+Watch = BodyWatch | RecognitionWatch
 
 
 def summary_lines(report: dict[str, Any]) -> list[str]:

@@ -7,9 +7,9 @@ from contextlib import ExitStack
 from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
-from controller.deck.interfaces import JointLimits, Output, Retargeter
+from controller.deck.interfaces import JointLimits, Retargeter
 from controller.library.motion_library import MotionLibrary
 from controller.loop.commands.interfaces import Pushable
 from controller.loop.ensemble import RobotOutput
@@ -23,29 +23,12 @@ from motiondeck_base.shipped import find_rig
 from sim.robots.catalogue import find_robot
 
 if TYPE_CHECKING:
+    from sim.physics.kinematic_playback import KinematicPlayback
+    from sim.physics.playback import PhysicsPlayback
     from sim.robots.robot import Robot
     from sim.robots.self_collision import CollisionGuard
 
 FOLLOWER = "follower "  # goes before the names of a second robot's joints and outputs
-
-
-class Stage(Output, Protocol):
-    """The output that simulates a robot."""
-
-    @property
-    def qpos(self) -> Array:
-        """MuJoCo's generalised positions."""
-        ...
-
-    @property
-    def placed(self) -> Array:
-        """Where the root is meant to be, position and quaternion, shape (7,), m."""
-        ...
-
-    @property
-    def behind_s(self) -> float:
-        """How far the body is behind what is written, s."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -53,7 +36,7 @@ class Simulation:
     """How a robot is simulated."""
 
     robot: Robot
-    stage: Stage
+    stage: KinematicPlayback | PhysicsPlayback
     root: str  # this and the next two are as in the `RunSpec`
     balance: bool
     walk: bool

@@ -10,8 +10,8 @@ from controller.library.motion_library import load_library
 from controller.wire.messages.commands import Blend, SetTempo
 from motiondeck.cli.play import name_failing, play
 from motiondeck.pictures import library_pictures
+from motiondeck.run.spec.program import Timed
 from motiondeck.run.spec.run_spec import RunSpec
-from motiondeck.run.spec.script import Timed
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.shipped import shipped_configs
 

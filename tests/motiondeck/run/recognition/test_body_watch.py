@@ -17,8 +17,8 @@ from motiondeck.run.assembly import Host, Played, open_session
 from motiondeck.run.recognition.watches import BodyWatch
 from motiondeck.run.report import summary
 from motiondeck.run.robots.robot_on_deck import open_robots
+from motiondeck.run.spec.program import Timed
 from motiondeck.run.spec.run_spec import RunSpec
-from motiondeck.run.spec.script import Timed
 from motiondeck_base.errors import MotiondeckError
 
 

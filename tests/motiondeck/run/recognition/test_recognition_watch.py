@@ -12,7 +12,7 @@ from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.loop.stop_requests import StopRequest
 from controller.wire.messages.deck_snapshot import DeckSnapshot, Recognized
 from motiondeck.page.figures import recognition_text
-from motiondeck.run.recognition.watches import MismatchPolicy, RecognitionWatch, summary_lines
+from motiondeck.run.recognition.watches import RecognitionWatch, summary_lines
 from synthetic import small_library
 
 RATE = 100.0
@@ -67,7 +67,6 @@ def play(library, at, stop):
     limits = JointLimits(-big, big, big, big, big * 1e3)
     channel = Channel(Sticking(count, int(moves[:-1].argmax()), at))
     watch = RecognitionWatch(
-        MismatchPolicy(0.5, stop),
         library,
         bones_as_joints,
         joints,
@@ -75,6 +74,8 @@ def play(library, at, stop):
         limits,
         channel,
         RATE,
+        0.5,
+        stop=stop,
     )
     request = StopRequest()
 

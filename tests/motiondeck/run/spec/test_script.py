@@ -3,7 +3,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from controller.wire.messages.commands import EmergencyStop, SetTempo, Switch
-from motiondeck.run.spec.script import Cue, Timed, parse_script, read_timeline
+from motiondeck.run.spec.program import Cue, Timed, parse_script, read_timeline
 from motiondeck_base.errors import MotiondeckError
 
 MOTIONS = ("walk", "jog", "stool-standup")
