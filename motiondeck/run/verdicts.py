@@ -56,36 +56,36 @@ class Judged:
 
     def motions(self, names: Sequence[str], jobs: Jobs | None = None) -> Iterator[RobotVerdict]:
         """Verdicts on motions, in order, each as soon as it is known; they are played in physics too."""
-        yield from self._each(_motion, {name: name for name in names}, jobs)
+        yield from self._each(names, jobs)
 
     def switches(self, names: Sequence[str], jobs: Jobs | None = None) -> Iterator[RobotVerdict]:
         """Verdicts on the direct switches from motions, in order, each as soon as it is known."""
-        yield from self._each(_switches, {name: f"{name} >" for name in names}, jobs)
+        yield from self._each([f"{name} >" for name in names], jobs)
 
     def kept(self) -> dict[str, RobotVerdict]:
         """The verdicts on motions that have been made, by motion."""
         known = _read(self._file).get(self._key, {}) if self._file.exists() else {}
         return {row: verdicts[0] for row, verdicts in known.items() if not row.endswith(">")}
 
-    def _each(self, judge: Any, rows: dict[str, str], jobs: Jobs | None) -> Iterator[RobotVerdict]:
-        """The verdicts of some motions, by the names of their rows; those that are made now are kept one by one."""
+    def _each(self, rows: Sequence[str], jobs: Jobs | None) -> Iterator[RobotVerdict]:
+        """The verdicts of some rows of the table; those that are made now are kept one by one."""
         known = _read(self._file).get(self._key, {})
-        made = self._spread(judge, [name for name, row in rows.items() if row not in known], jobs)
-        for row in rows.values():
+        made = self._spread([row for row in rows if row not in known], jobs)
+        for row in rows:
             if row not in known:
                 known[row] = next(made)
                 self._keep(row, known[row])
             yield from known[row]
 
-    def _spread(self, judge: Any, names: Sequence[str], jobs: Jobs | None) -> Iterator[list[RobotVerdict]]:
+    def _spread(self, rows: Sequence[str], jobs: Jobs | None) -> Iterator[list[RobotVerdict]]:
         from joblib import cpu_count, delayed
 
         from motiondeck_base.jobs import Jobs, spread
 
-        if not names:
+        if not rows:
             return
-        where = jobs or Jobs(max(1, min(cpu_count(), len(names) // PER_PROCESS)))
-        yield from spread((delayed(judge)(self, name) for name in names), where, ordered=True)
+        where = jobs or Jobs(max(1, min(cpu_count(), len(rows) // PER_PROCESS)))
+        yield from spread((delayed(_judge)(self, row) for row in rows), where, ordered=True)
 
     @property
     def _file(self) -> Path:
@@ -125,19 +125,15 @@ def _code() -> bytes:
     return code_digest(Path(__file__), Path(__file__).with_name("sampled_motions.py"))
 
 
-def _motion(judged: Judged, name: str) -> list[RobotVerdict]:
-    from motiondeck.run.sampled_motions import play_motions
+def _judge(judged: Judged, row: str) -> list[RobotVerdict]:
+    """The verdict on a motion, which is played in physics too, or those on the direct switches from it."""
+    from motiondeck.run.sampled_motions import play_motions, play_switches
 
     library, judge = loaded(judged)
-    return [judge.judge(one, simulate=True, tempo=judged.tempo) for one in play_motions(library, judge.robot, [name])]
-
-
-def _switches(judged: Judged, source: str) -> list[RobotVerdict]:
-    from motiondeck.run.sampled_motions import play_switches
-
-    library, judge = loaded(judged)
-    played = play_switches(library, judge.robot, [source])
-    return [judge.judge(one, simulate=False, tempo=judged.tempo) for one in played]
+    name = row.removesuffix(" >")
+    play, simulate = (play_motions, True) if name == row else (play_switches, False)
+    played = play(library, judge.robot, [name])
+    return [judge.judge(one, simulate=simulate, tempo=judged.tempo) for one in played]
 
 
 @lru_cache(maxsize=1)

@@ -60,7 +60,7 @@ def on_floor(robot: RobotOnDeck) -> OnFloor | None:
 class PageContents:
     """The parts of a run that its page shows."""
 
-    deck: PlayableDeck
+    deck: Deck | RecordedDeck
     robots: Sequence[RobotOnDeck]  # at least one
     human: Skeleton | None  # the skeleton whose motion is shown beside the robot, if that is known
     watch: Watch | None
@@ -135,8 +135,9 @@ class PageContents:
 
 
 if TYPE_CHECKING:
+    from controller.deck.deck import Deck
+    from controller.deck.recorded_deck import RecordedDeck
     from motiondeck.page.clip_page import Act
-    from motiondeck.run.session import PlayableDeck
 
 SERVOS_EVERY = 5  # pictures
 _POSITIONS = 1  # row of `ServoStates`

@@ -35,7 +35,7 @@ def judged(tmp_path, monkeypatch):
     save_library(synthetic.small_library(), tmp_path / "small.safetensors")
     shutil.copy(find_robot("mannequin"), tmp_path / "bot.toml")
     made = []
-    monkeypatch.setattr(module, "_motion", lambda judged, name: made.append(name) or [MADE.get(name, MADE["wave"])])
+    monkeypatch.setattr(module, "_judge", lambda judged, name: made.append(name) or [MADE.get(name, MADE["wave"])])
     found = Judged.of(tmp_path / "small.safetensors", tmp_path / "bot.toml")
     object.__setattr__(found, "made", made)
     return found
@@ -89,7 +89,7 @@ def test_what_was_made_before_an_interruption_is_kept(judged, monkeypatch):
             raise KeyboardInterrupt
         return [MADE[name]]
 
-    monkeypatch.setattr(module, "_motion", two)
+    monkeypatch.setattr(module, "_judge", two)
     with pytest.raises(KeyboardInterrupt):
         [*judged.motions([*MADE])]
     assert [*anew(judged).kept()] == ["march", "wave"]
