@@ -4,7 +4,7 @@ import threading
 from contextlib import contextmanager
 
 from hardware.emulator.bus import EmulatedBus
-from hardware.emulator.pty_server import PtyServer
+from hardware.emulator.pty_server import PtyServer, pump
 
 
 @contextmanager
@@ -16,7 +16,7 @@ def served(config, act=lambda bus: None):
 
     def serve():
         while not over.is_set():
-            server.pump()
+            pump([server])
             act(bus)
 
     thread = threading.Thread(target=serve)

@@ -14,9 +14,8 @@ from pathlib import Path
 
 import numpy as np
 
-from hardware.emulator.bus import EmulatedBus
+from hardware.emulator.bus import EmulatedBus, JointPlant
 from hardware.emulator.faults import Fault, FaultPlan
-from hardware.emulator.plant import JointPlant
 from hardware.emulator.wire import Wire
 from hardware.errors import RigError, SerialPortError
 from hardware.rig.rig_file import RigConfig
@@ -48,10 +47,6 @@ class PtyServer:
         self._now = 0.0
         self._plug_in()
         self.port = str(link) if link is not None else os.ttyname(self._slave)
-
-    def pump(self) -> None:
-        """Carries what has arrived to the servos and their answers back; returns after 20 ms of silence."""
-        pump([self])
 
     @property
     def patience(self) -> float:

@@ -9,12 +9,10 @@ from hardware.errors import RigError
 from hardware.families.models import MODELS, TRAITS, WHY_NO_JOINT
 from hardware.families.table import ControlTable
 
-GAINS = ("position_p_gain", "position_i_gain", "position_d_gain")
-"""The gains that a rig file may ask for, by register."""
+GAINS = ("position_p_gain", "position_i_gain", "position_d_gain")  # the gains that a rig file may ask for, by register
 POSITION_MODE, EXTENDED_MODE = 3, 4
 """Operating modes without a limit of current: within one turn of the servo, and through many."""
-NEAR = 0.05
-"""rad that a joint may stand outside its limits when switched on: play, and the rounding of pulses."""
+NEAR = 0.05  # rad that a joint may stand outside its limits when switched on: play, and the rounding of pulses
 _SECOND = "'s second servo"
 _FARTHEST = 4.0 * math.pi  # rad; farther are limits in degrees
 

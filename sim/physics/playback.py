@@ -39,8 +39,7 @@ class PhysicsPlayback:
     """
 
     name = "physics"
-    step = staticmethod(mujoco.mj_step)
-    """Advances the simulation by one timestep; override it to observe each."""
+    step = staticmethod(mujoco.mj_step)  # advances the simulation by one timestep; override it to observe each
 
     def __init__(
         self,

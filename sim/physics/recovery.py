@@ -80,8 +80,7 @@ def has_fallen(qpos: Array, played: Array, standing: Array) -> bool:
 class Legs(Protocol):
     """A controller of the legs."""
 
-    falling: bool
-    """Whether a fall is certain."""
+    falling: bool  # whether a fall is certain
 
 
 class Phase(Enum):

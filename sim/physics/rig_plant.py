@@ -1,6 +1,6 @@
 """A robot's body as the load of an emulated rig: emulated servos give torques, MuJoCo moves the joints.
 
-Load, stall and fall show in the servos as current, heat and missed goals. Fits `hardware.emulator.plant.JointPlant`.
+Load, stall and fall show in the servos as current, heat and missed goals. Fits `hardware.emulator.bus.JointPlant`.
 """
 
 from collections.abc import Sequence

@@ -30,8 +30,7 @@ FEW, THINNED = 25, 150
 LEAST_NEW = 1e-6  # share outside the span of the chosen satellites, below which a candidate adds only rounding
 LEAST_SHARPNESS, GREATEST_SHARPNESS = 0.05, 60.0
 
-ReadOut = Callable[[Array, Array], Array]
-"""W, shape (D, m), from responses (K, m) and a target (K, D)."""
+ReadOut = Callable[[Array, Array], Array]  # W, shape (D, m), from responses (K, m) and a target (K, D)
 
 
 def principal_scores(target: Array, keep: int = 40) -> Array:

@@ -81,7 +81,9 @@ def recording_error(library: MotionLibrary, motion: str, recorded: RecordedPart)
     """The error of a motion's free run against its recording."""
     rate, seconds = library.info.rate, recorded.seconds
     wanted, since = recorded.places, recorded.since
-    run = _played(library, motion, ROUNDS * seconds if recorded.loop else seconds + HELD)
+    lasts = (ROUNDS * seconds if recorded.loop else seconds + HELD) + 2.0 / rate
+    frames = MotionGenerator(library, motion).frames(lasts, rate)
+    run = walked_clip(motion, library.skeleton, library.encoding.decode(frames), rate)
     played, own = (landmark_places(clip)[0] for clip in (run, carried(run, recorded.body)))
     played, own = (places * (_leg_length(wanted) / _leg_length(places)) for places in (played, own))
     if recorded.loop:
@@ -116,17 +118,9 @@ def recording_error(library: MotionLibrary, motion: str, recorded: RecordedPart)
     )
 
 
-def _played(library: MotionLibrary, motion: str, seconds: float) -> Clip:
-    """A free run at the library's rate."""
-    rate = library.info.rate
-    frames = MotionGenerator(library, motion).frames(seconds + 2.0 / rate, rate)
-    return walked_clip(motion, library.skeleton, library.encoding.decode(frames), rate)
-
-
 def _leg_length(places: Array) -> float:
-    return float(
-        np.median(np.linalg.norm(places[:, LEGS] - places[:, PARENT[np.array(LEGS) - 1]], axis=-1), axis=0).sum()
-    )
+    lengths = np.linalg.norm(places[:, LEGS] - places[:, PARENT[np.array(LEGS) - 1]], axis=-1)
+    return float(np.median(lengths, axis=0).sum())
 
 
 def _at(places: Array, frame: Array) -> Array:

@@ -5,8 +5,6 @@ watchdog that has tripped takes nothing but 0; torque on a servo in shutdown is 
 its new baud rate after it has answered at the one before.
 """
 
-import math
-
 from hardware.emulator.servos.servo_bank import TRIPPED, ServoBank
 from hardware.families import emulation
 from hardware.families.models import FAMILIES, TRAITS
@@ -118,11 +116,6 @@ class Device:
     def torque(self) -> bool:
         """Whether torque is on."""
         return self._get("torque_enable") != 0 and self._get(self.series.shuts_down_by) != 0
-
-    @property
-    def pulses_per_radian(self) -> float:
-        """Pulses for one rad of its horn."""
-        return self._table.pulses_per_turn / (2.0 * math.pi)
 
     @property
     def alert(self) -> bool:

@@ -52,6 +52,7 @@ class ServoBank:
         self.registers["id"] = ids
         self.browned_out: set[int] = set()  # rows whose voltage has broken down since the bus last looked
         self.drive = MotorDrive(motor, table.pulses_per_turn, np.array(shaft, dtype=np.float64))
+        self.shaft = self.drive.shaft  # where each horn really is, shape (n,), pulses, any number of turns
         self._shape = np.zeros(count, dtype=np.int64)  # of the profile under way, as the moving status shows it
         self._overload = np.zeros(count)  # s
         self.deaf_since = np.full(count, np.inf)  # s when each servo's cable was cut; infinite where none is
@@ -66,11 +67,6 @@ class ServoBank:
         self.settle()
         self.show()
         self.registers["goal_position"] = self.registers["present_position"]
-
-    @property
-    def shaft(self) -> NDArray[np.float64]:
-        """Where each horn really is, shape (n,), pulses, any number of turns."""
-        return self.drive.shaft
 
     def restart(self, row: int, restored: dict[str, int] | None = None) -> None:
         """Sets a servo's memory as after power-up: its EEPROM stays, its position is within one turn again.

@@ -13,8 +13,7 @@ from hardware.families.table import ControlTable
 from hardware.rig.rig_joint import RigJoint
 
 WRITABLE = ("led", "led_red", "led_green", "led_blue", "moving_threshold", "position_d_gain")
-EVERY = 4
-"""Requests from one part to the next."""
+EVERY = 4  # requests from one part to the next
 _MOST_BYTES = 32  # of a part: 0.3 ms at 1 Mbaud
 _TRIES = 4  # of each part
 

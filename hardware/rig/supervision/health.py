@@ -24,17 +24,14 @@ from hardware.families.models import TRAITS
 from hardware.families.table import describe_errors
 from hardware.rig.driving.readings import Measurements
 from hardware.rig.rig_file import RigConfig
-from hardware.rig.rig_joint import RigJoint
 from hardware.rig.scale import Array
 from hardware.rig.supervision.servo_states import CONDITIONS
 from hardware.rig.switching.torque import APART
 
 Mask = NDArray[np.bool_]
 
-LOST_AFTER = 1.6
-"""s of silence of one servo."""
-EASED_FROM = 12.0
-"""degC below the servo's limit from which it is hot."""
+LOST_AFTER = 1.6  # s of silence of one servo
+EASED_FROM = 12.0  # degC below the servo's limit from which it is hot
 _MISSED_AFTER = 0.5  # s of silence until it is an incident
 _IDLE_AFTER = 0.5  # s
 _MOVED = 0.02  # rad
@@ -88,8 +85,9 @@ class Health:
         self._names = [joint.label for joint in config.joints]
         self._patience = config.patience
         self._strongest = np.full(count, np.nan)
-        self._idle_below = np.array([_idle_current(joint) for joint in config.joints])
-        self._opposed = _OPPOSED * np.array([TRAITS[joint.model].stall_current for joint in config.joints])
+        stall = np.array([TRAITS[joint.model].stall_current for joint in config.joints])
+        self._idle_below = _IDLE_CURRENT * np.fmin([joint.current or np.inf for joint in config.joints], stall)
+        self._opposed = _OPPOSED * stall
         self._agreed = np.full((2, count), now)
         self._parted, self._at_odds = (np.zeros(count, dtype=np.bool_) for _ in range(2))
         self._joined_at = np.full(count, -np.inf)
@@ -259,11 +257,6 @@ class Health:
             else:
                 reason = "does not follow its target, although it was set up anew"
             self._reason[index] = reason
-
-
-def _idle_current(joint: RigJoint) -> float:
-    stall = TRAITS[joint.model].stall_current
-    return _IDLE_CURRENT * min(joint.current or stall, stall)
 
 
 def _heat(measured: Measurements, index: int) -> str:

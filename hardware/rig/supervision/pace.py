@@ -12,8 +12,7 @@ from hardware.rig.rig_joint import RigJoint
 from hardware.rig.scale import Array, RigScale
 from hardware.rig.supervision.health import EASED_FROM
 
-SLOWER = 0.25
-"""The part of its speed limit at which a joint catches up."""
+SLOWER = 0.25  # the part of its speed limit at which a joint catches up
 _LONGEST_STEP = 2.0  # ticks of motion for an eased joint after a stall: the servo would take it at full speed
 _ARRIVED = 0.02  # rad between goal and target
 _TOGETHER = 0.8

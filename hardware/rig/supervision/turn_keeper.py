@@ -21,10 +21,8 @@ from motiondeck_base.errors import MotiondeckError
 
 Mask = NDArray[np.bool_]
 
-LOOKS_EVERY = 0.1
-"""s from one look to the next."""
-STANDS_AFTER = 5
-"""Looks without a motion."""
+LOOKS_EVERY = 0.1  # s from one look to the next
+STANDS_AFTER = 5  # looks without a motion
 _PLAY = 1.0 / 64.0  # of a turn
 _RESTS = 1.0 / 1024.0  # of a turn between two looks at the end
 _SURE = 0.25  # of a turn between goal and position; farther away, a servo may have restarted

@@ -16,8 +16,7 @@ from motiondeck_base.counted import counted
 from motiondeck_base.errors import MotiondeckError
 
 if TYPE_CHECKING:
-    from hardware.emulator.bus import EmulatedBus
-    from hardware.emulator.plant import JointPlant
+    from hardware.emulator.bus import EmulatedBus, JointPlant
     from hardware.rig.rig_file import RigConfig
 
 

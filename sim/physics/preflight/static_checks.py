@@ -5,10 +5,9 @@ from copy import deepcopy
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from controller.deck.interfaces import JointLimits
-from controller.motion.clip import Clip
+from controller.motion.clip import Clip, runs
 from controller.motion.rotations import Array
 from controller.motion.skeleton import Skeleton
 from sim.models.overlaps import OVERLAP
@@ -50,15 +49,6 @@ def sustained_until(off: Iterable[Array], until: float) -> Array:
         if long.max() >= round(BRIEFLY / TICK):
             break
     return sustained(np.array(rows))
-
-
-def longest_run(flags: NDArray[np.bool_]) -> int:
-    """The length of the longest run of set samples."""
-    most = run = 0
-    for flag in flags:
-        run = run + 1 if flag else 0
-        most = max(most, run)
-    return most
 
 
 def of_joints(check: str, values: Array, limit: float | None, unit: str, joints: tuple[str, ...]) -> Finding:
@@ -143,7 +133,7 @@ class StaticChecks:
         """Findings about feet and balance, without physics."""
         inside = loads.balance(tempo)
         down = loads.lies & (loads.com[:, 2] < DOWN * self._robot.root_height)
-        off = longest_run((inside < 0.0) & ~down) * DT / tempo
+        off = max((end - start for start, end in runs((inside < 0.0) & ~down)), default=0) * DT / tempo
         slide = tempo * float(np.median(loads.slide))
         margin = float(np.median(inside))
         found = [

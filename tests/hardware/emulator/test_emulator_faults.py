@@ -14,7 +14,7 @@ from command_line import invoked
 from hardware.bus.servo_bus import Bus
 from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.faults import KINDS, Fault, FaultPlan, parse_fault
-from hardware.emulator.pty_server import PtyServer
+from hardware.emulator.pty_server import PtyServer, pump
 from hardware.errors import SerialPortError
 from hardware.families.models import MODELS
 from motiondeck_base.errors import MotiondeckError
@@ -140,7 +140,7 @@ def test_the_name_of_a_pulled_adapter_leads_nowhere(rig_of_four, tmp_path):
     assert link.is_symlink()
     deadline = time.monotonic() + 20.0
     while server.open and time.monotonic() < deadline:
-        server.pump()
+        pump([server])
     assert not link.is_symlink()
     server.close()
 
@@ -153,7 +153,7 @@ def test_a_pulled_adapter_comes_back_under_its_name(rig_of_four, tmp_path):
 
     def serve():
         while not done.is_set():
-            server.pump()
+            pump([server])
 
     thread = threading.Thread(target=serve)
     thread.start()

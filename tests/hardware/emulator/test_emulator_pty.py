@@ -17,7 +17,7 @@ from hardware.bus.port import SerialPort
 from hardware.bus.servo_bus import Bus
 from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.process import start_emulator
-from hardware.emulator.pty_server import PtyServer, serve
+from hardware.emulator.pty_server import PtyServer, pump, serve
 from hardware.errors import RigError, RigFileError, SerialPortError
 from hardware.families.dynamixel2 import frames as instructions
 from hardware.rig.rig_file import load_rig
@@ -41,7 +41,7 @@ def served(rig_of_four):
 
     def serve():
         while not done.is_set():
-            server.pump()
+            pump([server])
 
     thread = threading.Thread(target=serve)
     thread.start()
@@ -142,7 +142,7 @@ class PumpedPort(SerialPort):
     def wait(self, seconds):
         came = super().wait(0.0)
         while not came and seconds > 0.0:
-            self._server.pump()
+            pump([self._server])
             came, seconds = super().wait(0.0), seconds - 0.02
         return came
 
@@ -312,7 +312,7 @@ class Hub:
     def serve(self):
         while not self.over.is_set():
             with self.lock:
-                self.server.pump()
+                pump([self.server])
             time.sleep(0)
 
     def replug(self):

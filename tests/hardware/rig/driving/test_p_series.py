@@ -137,7 +137,8 @@ def test_a_mixed_rig_drives_them_and_none_is_too_fast():
             rig.collect_state()
             rig.write(np.full(3, target))
             port.elapse(0.01)
-            speeds = [device.bank.drive.speed[device.row] / device.pulses_per_radian for device in port.bus.devices]
+            banks = [(device.bank, device.row) for device in port.bus.devices]
+            speeds = [2.0 * np.pi * bank.drive.speed[row] / bank.table.pulses_per_turn for bank, row in banks]
             fastest = np.maximum(fastest, np.abs(speeds))
         assert rig.positions == pytest.approx(np.full(3, target), abs=0.02)
     assert (fastest > 1.9).all()

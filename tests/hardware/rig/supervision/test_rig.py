@@ -225,7 +225,8 @@ def test_a_moving_joint_that_has_to_hold_brakes_without_turning_back(build, rig_
     def play_on(ticks):
         for _ in range(ticks):
             play(rig, port, [1.4, 1.4, 1.4, 0.0], TICK)
-            angles.append(port.bus[1].bank.shaft[port.bus[1].row] / port.bus[1].pulses_per_radian)
+            bank = port.bus[1].bank
+            angles.append(2.0 * np.pi * bank.shaft[port.bus[1].row] / bank.table.pulses_per_turn)
 
     play_on(30)
     if cause == "the end":
