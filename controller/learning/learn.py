@@ -150,7 +150,9 @@ def learn(
     examined = _unlike(examined)
     if not examined:
         none = f"none of {len(files)} recordings can be learned. " if len(files) > 1 else ""
-        raise MotiondeckError(f"{none}{_named(left_out[0])}")
+        first = left_out[0]
+        file = "" if first.remedy.startswith(f"{first.file} ") else f"{first.file}: "
+        raise MotiondeckError(f"{none}{file}{first.remedy}")
     kinds = {one.clip.skeleton.is_rig for one in examined}
     if len(kinds) > 1:
         raise MotiondeckError("recordings of bodies and of a robot's joints do not share a library; learn them apart")
@@ -181,10 +183,6 @@ def _shared_body(training_set: TrainingSet, clips: dict[str, Clip]) -> list[Shar
         off = 0.0 if actor.body is body else max(hands_off(clip, body) for clip in recorded)
         found.append(SharedBody(actor.name, len(actor.motions), off))
     return sorted(found, key=lambda one: one.hands_mm)
-
-
-def _named(one: LearnedMotion) -> str:
-    return one.remedy if one.remedy.startswith(f"{one.file} ") else f"{one.file}: {one.remedy}"
 
 
 def _doubted(one: AnalysedRecording) -> LearnedMotion:

@@ -58,15 +58,9 @@ def analyse_recording(
 ) -> list[AnalysedRecording]:
     """Reads a recording and finds its motions, the frames to learn of each, and whether they are a loop.
 
-    Args:
-        options: override the file.
-        within: part to use, from and to, s; by default all.
-        takes: further takes of a motion taught to a rig.
-        plays: overrules what is found, not what was taught.
-        whole: the recording is one motion.
-
-    Raises:
-        MotiondeckError: if it cannot be read, is too short, or nothing moves in it.
+    `within` is the part to use, from and to, s; `takes` are further ones of a motion taught to a rig. `plays` overrules
+    what is found, not what was taught; with `whole` the recording is one motion. MotiondeckError if it cannot be read,
+    is too short, or nothing moves in it.
     """
     own = with_steps(replace(options, skeleton=find_skeleton(file, options)))
     recording = read_fitted(file, own)

@@ -31,13 +31,9 @@ def turned_up(clip: Clip, was: Up, up: Up) -> Clip:
 def up_in_recording(rest: Up, certain: bool, trunk: Array, root: Array, joints: Array, leg: float) -> Up:
     """The vertical axis while the body moves: that of its rest pose, unless the recording clearly has the other.
 
-    A trunk along an axis may stand or lie: a lying body touches the ground along the other axis.
-
-    Args:
-        rest: vertical axis of the rest pose, `certain` if the zero pose of the file stands along it.
-        trunk: direction of the trunk, shape (T, 3), in the axes of the file.
-        root, joints: positions of the root (T, 3), and of the joints of limbs and head (T, J, 3), m.
-        leg: length of a leg, m.
+    A trunk along an axis may stand or lie: a lying body touches the ground along the other axis. `rest` is `certain` if
+    the zero pose of the file stands along it. In the axes of the file: directions of the trunk (T, 3), positions of the
+    root (T, 3) and of the joints of limbs and head (T, J, 3), m, and the length of a leg, m.
     """
     other: Up = "z" if rest == "y" else "y"
     trunk = normalise(trunk)

@@ -74,14 +74,8 @@ def sweep(
 ) -> list[Count]:
     """Disturbs every motion of every network, without a guard and with one where the deck plays it with one.
 
-    One count for each, by seed and in the order of the motions.
-
-    Args:
-        syllabus: the frames that the networks learned, to judge by.
-        runs: of each motion of each network.
-        holds: whether one-shots were taught to hold their end.
-        guarded: whether to play all runs once more with a guard.
-        tick: called after each motion of each network.
+    One count for each, by seed and in the order of the motions, after which `tick` is called. `syllabus` has the frames
+    that the networks learned, to judge by; `holds` says whether one-shots were taught to hold their end.
     """
     judge = syllabus.judge(holds=holds)
     motions = list(syllabus.frames) if motions is None else motions

@@ -77,7 +77,9 @@ def other_doubts(clip: Clip) -> list[str]:
             f"the body floats {floats:.2f} m above the ground all the time: the up axis may be wrong (--up), or the "
             "ground is elsewhere (--ground)."
         )
-    turns = _turns(clip)
+    # The angle of each bone from its rest pose relative to its parent, shape (T, B), degrees.
+    bones, above = clip.rotation[:, 1:], clip.rotation[:, 1 + skeleton.parent]
+    turns = np.degrees(2.0 * np.arccos(np.clip(np.abs(dot(bones, above)), 0.0, 1.0)))
     if np.ptp(turns, axis=0).max(initial=0.0) > MOVES and turns.max() < WITHIN_A_TURN:
         found.append(
             f"no joint turns by more than {turns.max():.1f} degrees: the file's angles may be radians. Write them in "
@@ -123,12 +125,6 @@ def _toes_ahead(own: Clip) -> float:
         aside.append(foot - dot(foot, shank)[:, None] * shank)  # crawling feet point backwards along it
     forward = rotate(own.rotation[:, 0], np.array([1.0, 0.0, 0.0]))
     return float(np.median(dot(0.5 * (aside[0] + aside[1]), forward)))
-
-
-def _turns(clip: Clip) -> Array:
-    """The angle of each bone from its rest pose relative to its parent, shape (T, B), degrees."""
-    own, above = clip.rotation[:, 1:], clip.rotation[:, 1 + clip.skeleton.parent]
-    return np.degrees(2.0 * np.arccos(np.clip(np.abs(dot(own, above)), 0.0, 1.0)))
 
 
 def _sizes(own: Clip, recorded: Skeleton, marks: Landmarks) -> list[str]:

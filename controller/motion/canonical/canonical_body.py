@@ -112,7 +112,8 @@ def landmarks_of(skeleton: Skeleton, joints: Array | None = None) -> Landmarks:
         joint["neck"], bone["neck"] = 1 + trunk[-1], trunk[-1]
         if joints is not None:
             hips = joints[:, [joint["lhip"], joint["rhip"]]]
-            moves = [_moves(joints[:, 1 + bone], hips) for bone in trunk[:-1]]
+            apart = [np.linalg.norm(joints[:, [1 + bone]] - hips, axis=-1) for bone in trunk[:-1]]
+            moves = [bool(np.ptp(distance, axis=0).max() > RIGID) for distance in apart]
             trunk = trunk[min(moves.index(True), len(trunk) - 2) if True in moves else 0 :]
         root = 1 + int(skeleton.parent[trunk[0]])
         length = np.cumsum(skeleton.length[trunk])
@@ -123,11 +124,6 @@ def landmarks_of(skeleton: Skeleton, joints: Array | None = None) -> Landmarks:
     if top and "neck" in joint:
         joint["head"], bone["head"] = 1 + top[-1], top[-1]
     return Landmarks(joint, bone, root, waist)
-
-
-def _moves(joint: Array, hips: Array) -> bool:
-    """Whether the distances of a joint (T, 3) from the hips (T, 2, 3) change."""
-    return bool(np.ptp(np.linalg.norm(joint[:, None] - hips, axis=-1), axis=0).max() > RIGID)
 
 
 def _no_leg(skeleton: Skeleton, side: Side) -> FileFormatError:

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from controller.motion.canonical.clip_edits import cubic
 from controller.motion.clip import Clip
 from controller.motion.formats.gltf_buffers import Accessors, Animation, Asset, Sampler, open_gltf
 from controller.motion.joint_tree import MOST_POSES, JointTree, clip_of, distinct
@@ -39,7 +40,8 @@ def read_gltf(path: str | Path, options: ReadingOptions = AS_FOUND) -> Clip:
     parents = _parents(path, asset)
     if not asset.animations:
         raise FileFormatError(f"{path}: there is no animation in it, only a model. Export it with its animation.")
-    tracks = max((_tracks(path, asset, accessors, animation) for animation in asset.animations), key=_length)
+    found = (_tracks(path, asset, accessors, animation) for animation in asset.animations)
+    tracks = max(found, key=lambda tracks: max((float(track.keys[-1]) for track in tracks), default=-1.0))
     if not tracks:
         raise FileFormatError(f"{path}: its animations move no node. Export it with its animation.")
     begin = min(float(track.keys[0]) for track in tracks)
@@ -87,9 +89,7 @@ class _Track:
             return values[np.where(share[:, 0] < 1.0, low, high), 0]
         if self._interpolation == "CUBICSPLINE":
             out_of, into = values[low, 2] * span[:, None], values[high, 0] * span[:, None]
-            s, start, end = share, values[low, 1], values[high, 1]
-            cubic = (2.0 * s**3 - 3.0 * s**2 + 1.0) * start + (s**3 - 2.0 * s**2 + s) * out_of
-            return cubic + (3.0 * s**2 - 2.0 * s**3) * end + (s**3 - s**2) * into
+            return cubic(values[low, 1], out_of, values[high, 1], into, share)
         start, end = values[low, 0], values[high, 0]
         if self.kind != "rotation":
             return start + share * (end - start)
@@ -97,10 +97,6 @@ class _Track:
         end = np.where(dot(start, end)[:, None] < 0.0, -end, end)
         turn = from_rotation_vector(share * to_rotation_vector(multiply(conjugate(start), end)))
         return multiply(start, turn)[:, [1, 2, 3, 0]]
-
-
-def _length(tracks: list[_Track]) -> float:
-    return max((float(track.keys[-1]) for track in tracks), default=-1.0)
 
 
 def _tracks(path: str | Path, asset: Asset, accessors: Accessors, animation: Animation) -> list[_Track]:

@@ -74,15 +74,10 @@ def poses_of(clip: Clip) -> Array:
 
 
 def find_segments(poses: Array, rate: float, count: int | None = None) -> Bounds:
-    """The segments (first frame, end) of a recording.
+    """The segments (first frame, end) of a recording with poses (T, P), m or rad, at a rate in Hz.
 
-    Args:
-        poses: of each frame, shape (T, P), m or rad; `poses_of`, or others in which a motion spreads as far.
-        rate: frames per second, Hz.
-        count: of segments; None adds borders by PRICE.
-
-    Raises:
-        FileFormatError: if the recording is too short for that many segments of a second each.
+    These are `poses_of`, or others in which a motion spreads as far. Without a count of segments borders are added by
+    PRICE. FileFormatError if the recording is too short for that many segments of a second each.
     """
     steps = int(len(poses) / rate / max(STEP, 1.0 / rate) + 1e-6)
     shortest = max(1, round(SHORTEST_SECONDS / max(STEP, 1.0 / rate)))

@@ -127,14 +127,10 @@ def jointed_body(joints: dict[str, Array], markers: Markers, name: str) -> Clip:
         skeleton = Skeleton(name, tuple(_USUAL[bone] for bone in bones), hangs, rest, length)
     rotation = orient(skeleton, normalise(lines))
     if "pelvis" in ends:
-        rotation[:, 0] = _pelvis_rotation(ends)
+        left = normalise(ends["lhip"] - ends["rhip"])
+        ahead = normalise(np.cross(left, ends["pelvis"] - ends["root"]))
+        rotation[:, 0] = best_fit(np.stack([ahead, left, np.cross(ahead, left)], axis=-1))
     return Clip(name, skeleton, markers.rate, ends["root"], continuous(rotation), markers.source)
-
-
-def _pelvis_rotation(ends: dict[str, Array]) -> Array:
-    left = normalise(ends["lhip"] - ends["rhip"])
-    ahead = normalise(np.cross(left, ends["pelvis"] - ends["root"]))
-    return best_fit(np.stack([ahead, left, np.cross(ahead, left)], axis=-1))
 
 
 def _assume_ends(ends: dict[str, Array]) -> None:
