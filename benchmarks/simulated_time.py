@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from controller.loop.clock import period_ns
 from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.faults import FaultPlan
-from hardware.emulator.wire import Wire
+from hardware.emulator.pty_server import Wire
 from hardware.errors import SerialPortError
 
 

@@ -92,7 +92,8 @@ class Bus:
     def _look_up(self, id: int, family: Family) -> Identity:
         """What a servo is that has answered a ping; of families whose pings look alike, the one that it fits."""
         found: list[tuple[bool, bool, bool, Identity]] = []
-        for one in sorted(_alike(family), key=lambda other: other is not family):
+        alike = [other for other in FAMILIES if other.dialect == family.dialect]
+        for one in sorted(alike, key=lambda other: other is not family):
             identified = one.identification
             status = self._ask_patiently(one.instructions.read(id, 0, identified.length), id, identified.length)
             if status is None or status.error:
@@ -384,7 +385,3 @@ class Bus:
 
 def _identity(status: StatusPacket, family: Family) -> Identity:
     return Identity(status.id, *family.identification.read(status.params), status.alert, family)
-
-
-def _alike(family: Family) -> list[Family]:
-    return [other for other in FAMILIES if other.dialect == family.dialect]

@@ -87,7 +87,9 @@ class FrameParser:
                 self._used = end
         while self._by_start and (self._by_start[0][0] < self._used or self._by_start[0][1] <= arrived):
             self._by_start.popleft()
-        self._forget(self._by_start[0][0] if self._by_start else self._searched)
+        kept = self._by_start[0][0] if self._by_start else self._searched
+        del self._buffer[: kept - self._gone]
+        self._gone = kept
         return frames
 
     def _find_headers(self) -> None:
@@ -116,7 +118,3 @@ class FrameParser:
     def _drop(self, start: int) -> None:
         self.corrupt += 1
         self.damaged.append(self._buffer[start - self._gone + self._id])
-
-    def _forget(self, before: int) -> None:
-        del self._buffer[: before - self._gone]
-        self._gone = before

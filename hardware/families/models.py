@@ -11,14 +11,10 @@ from hardware.families.family import Family
 from hardware.families.table import ControlTable
 from motiondeck_base.near_names import near_names
 
-
-def _facts() -> list[FamilyFacts]:
-    names = [folder.name for folder in iter_modules(hardware.families.__path__) if folder.ispkg]
-    return [import_module(f"hardware.families.{name}.facts").FACTS for name in names]
-
-
+_NAMES = [folder.name for folder in iter_modules(hardware.families.__path__) if folder.ispkg]
+_FOUND: list[FamilyFacts] = [import_module(f"hardware.families.{name}.facts").FACTS for name in _NAMES]
 # Those that tell a ping what they are come first.
-_FACTS = sorted(_facts(), key=lambda facts: not facts.family.identification.by_ping)
+_FACTS = sorted(_FOUND, key=lambda facts: not facts.family.identification.by_ping)
 
 FAMILIES = tuple(facts.family for facts in _FACTS)
 USUAL = FAMILIES[0]  # the family of a servo of which nothing is known

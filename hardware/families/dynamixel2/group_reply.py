@@ -104,7 +104,7 @@ def fast_reply(received: bytes, ids: Sequence[int], lengths: Sequence[int]) -> G
         crc = checksum(received[start:piece])
         while turn < len(ids) and piece + (size := lengths[turn] + 4) <= len(received):
             tail = received[piece + size - 2 : piece + size]
-            sent = _word(tail, 0)
+            sent = int.from_bytes(tail, "little")
             error, id = received[piece], received[piece + 1]
             if checksum(received[piece : piece + size - 2], crc) != sent:
                 corrupt.append(ids[turn])
@@ -121,10 +121,6 @@ def fast_reply(received: bytes, ids: Sequence[int], lengths: Sequence[int]) -> G
             piece += size
             turn += 1
     return GroupReply(statuses, corrupt, silent + list(ids[turn : turn + 1]), list(ids[turn + 1 :]))
-
-
-def _word(data: bytes, at: int) -> int:
-    return data[at] | data[at + 1] << 8
 
 
 def group_read(blocks: Blocks, fast: bool) -> GroupRead:

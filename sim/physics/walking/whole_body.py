@@ -86,7 +86,8 @@ class WholeBody:
         self._cannot_roll = [k for k, count in enumerate(hinges) if count < LEG_HINGES]
         self._weight = self._weights(height_weight)
         self.legs = self._weight == LEG  # which degrees of freedom belong to legs, shape (nv,)
-        self._most = self._fastest() * dt
+        self._most = np.full(model.nv, np.inf)  # in a tick
+        self._most[robot.layout.dof] = robot.limits.velocity * dt
         knees, *self._ends = bent_knees(model, self.bodies)
         self._knees = model.jnt_dofadr[knees], model.jnt_qposadr[knees]
         self._error = np.empty(model.nv)
@@ -149,7 +150,9 @@ class WholeBody:
         step = self._bent(matrix, wanted, step, rise)
         most = self._most * pace
         mujoco.mj_integratePos(model, plan.qpos, np.clip(step, -most, most), 1.0)
-        self._within_limits()
+        layout, limits = self._robot.layout, self._robot.limits
+        at = layout.hinge_qpos
+        plan.qpos[at] = np.clip(plan.qpos[at], limits.lower[layout.hinge], limits.upper[layout.hinge])
 
     def sole(self, data: mujoco.MjData, foot: int) -> Array:
         """The middle of the sole of a foot in a state, shape (3,), m."""
@@ -173,11 +176,6 @@ class WholeBody:
         high = min(max(float(bent[2]), -rise), rise)
         return bent if bent[2] == high else _solve(matrix, wanted, [2, *held], [high, *to])
 
-    def _within_limits(self) -> None:
-        layout, limits, qpos = self._robot.layout, self._robot.limits, self.plan.qpos
-        at = layout.hinge_qpos
-        qpos[at] = np.clip(qpos[at], limits.lower[layout.hinge], limits.upper[layout.hinge])
-
     def _weights(self, height: float) -> Array:
         """What it costs each degree of freedom not to go as it is played, shape (nv,)."""
         model = self._model
@@ -189,11 +187,6 @@ class WholeBody:
                 weight[first : first + count] = LEG
                 body = int(model.body_parentid[body])
         return weight
-
-    def _fastest(self) -> Array:
-        most = np.full(self._model.nv, np.inf)
-        most[self._robot.layout.dof] = self._robot.limits.velocity
-        return most
 
 
 def _solve(matrix: Array, wanted: Array, given: Sequence[int], to: Sequence[float]) -> Array:
