@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -68,8 +69,8 @@ def bake(library_file: Path, robot_file: Path, progress: Callable[[str], None] =
 
 def _recipe(library: MotionLibrary, file: Path) -> LibraryRecipe:
     own = recipe_of(library.info.recipe, file)
-    network = own.network if trainer_of(own.network).center_driven else PhaseRecipe()
-    if isinstance(network, PhaseRecipe):
+    network: Any = own.network if trainer_of(own.network).center_driven else PhaseRecipe()
+    if "piece_seconds" in network.__struct_fields__:
         network = msgspec.structs.replace(network, piece_seconds=PIECE_SECONDS)
     motions = [MotionRecipe(name=one.name, file=one.source, plays=one.plays) for one in library.info.motions]
     return msgspec.structs.replace(own, name=library.info.name, network=network, motions=motions, as_recorded=False)

@@ -62,7 +62,10 @@ class RobotTrunk:
         else:
             self.pelvis = chest @ self._upright
         seen = world @ self.pelvis
-        missing = _beyond(seen[_RIGHT].tolist(), seen[_LEFT].tolist(), waist.hips)
+        # How far a thigh is raised ahead beyond its reach, rad, at most; less, the more it is raised sideways.
+        (rx, _, rz), (lx, _, lz) = seen[_RIGHT].tolist(), seen[_LEFT].tolist()
+        right, left = atan2(rx, -rz) - waist.hips, atan2(lx, -lz) - waist.hips
+        missing = max((rx * rx + rz * rz) * right, (lx * lx + lz * lz) * left)
         if missing > 0.0:
             self.pelvis = self.pelvis @ turned_by([0.0, -TRUNK_SHARE * missing, 0.0])
             seen = world @ self.pelvis
@@ -113,12 +116,6 @@ def _frame(rows: Array) -> Array:
     """The matrix whose columns are ahead, left and up, for the first two as rows (2, 3)."""
     (ax, ay, az), (lx, ly, lz) = rows.tolist()
     return np.array([[ax, lx, ay * lz - az * ly], [ay, ly, az * lx - ax * lz], [az, lz, ax * ly - ay * lx]])
-
-
-def _beyond(right: list[float], left: list[float], reach: float) -> float:
-    """How far a thigh is raised ahead beyond its reach, rad, at most; less, the more it is raised sideways."""
-    (rx, _, rz), (lx, _, lz) = right, left
-    return max((rx * rx + rz * rz) * (atan2(rx, -rz) - reach), (lx * lx + lz * lz) * (atan2(lx, -lz) - reach))
 
 
 def vector_of(m: list[list[float]]) -> Array:

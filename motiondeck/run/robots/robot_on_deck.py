@@ -109,7 +109,7 @@ def with_robot(spec: RunSpec, skeleton: Skeleton) -> RunSpec:
     rig = spec.rig_named
     if spec.robot is not None or (skeleton.is_rig and rig not in ("", EMULATED)):
         return spec
-    robot = "mannequin" if rig in ("", EMULATED) else Path(rig).stem
+    robot = "mannequin" if rig in ("", EMULATED) else find_rig(rig, also=(EMULATED,)).stem
     try:
         find_robot(robot)
     except UnknownNameError as error:

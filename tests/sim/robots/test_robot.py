@@ -65,7 +65,7 @@ def test_a_joint_may_differ_from_the_others(tmp_path):
         (
             GOOD.replace("kind =", "knid ="),
             FileFormatError,
-            r"robot.toml: unknown key 'knid'.*Did you mean 'kind'.*Allowed are: angles, kind",
+            r"robot.toml: unknown key 'knid'.*Did you mean 'kind'.*Allowed are: angles, groups, kind",
         ),
         (GOOD.replace("jerk", "jolt"), FileFormatError, r"'jolt' in \[limits\].*Allowed are: acceleration, jerk"),
         (

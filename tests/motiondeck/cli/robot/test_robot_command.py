@@ -162,7 +162,7 @@ def test_the_check_fails_when_a_knee_is_moved_to_the_yaw_hinge(tmp_path):
     assert failed["verdict"] == result.stdout.strip().splitlines()[-1]
     assert failed["recordings"][0]["faults"]
     # The trial of `calibrate` sees it too.
-    assert "r_thigh" in calibration.try_robot(file).wrong
+    assert "l_thigh" in calibration.try_robot(file).wrong
 
 
 @pytest.mark.thorough
