@@ -10,12 +10,16 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.learning.recognition.body_recognizer import BodyRecognizer
 from controller.learning.recognition.experts import STRETCHES, committee_recipe
 from controller.learning.recognition.features import FeatureRecipe
 from controller.learning.recognition.labelled_recordings import Dataset, Example, read_dataset
 from controller.learning.recognition.online_recognizer import OnlineRecognizer
-from controller.learning.recognition.recognizer import RecognitionVerdict, save_recognizer, train_recognizer
+from controller.learning.recognition.recognizer import (
+    BodyRecognizer,
+    RecognitionVerdict,
+    save_recognizer,
+    train_recognizer,
+)
 from controller.learning.recognition.recognizer import Recognizer as TrainedRecognizer
 from controller.learning.recognition.recognizer import load_recognizer as load_recognizer_file
 from controller.motion.clip import Clip

@@ -22,8 +22,7 @@ import numpy as np
 
 from benchmarks.simulated_time import EmulatedPort, VirtualClock
 from controller.deck.deck import Deck
-from controller.learning.recognition.deck_recognizer import joint_motions
-from controller.learning.recognition.deck_watch import PATIENCE, DeckWatch
+from controller.learning.recognition.deck_watch import PATIENCE, DeckWatch, joint_motions
 from controller.library.motion_library import load_library
 from controller.loop.loop import LoopState, run
 from controller.loop.output_channel import Channel

@@ -26,7 +26,7 @@ from controller.library.motion_library import MotionLibrary
 from controller.motion.canonical.actors import hands_off
 from controller.motion.clip import Clip, Decision, Plays
 from controller.motion.formats.reading import CONVERTIBLE, FORMATS, recordings_below
-from controller.motion.people import SeveralPeopleError
+from controller.motion.joint_tree import SeveralPeopleError
 from controller.motion.reading_options import AS_FOUND, ReadingOptions
 from controller.motion.upper_body import ACCEPTED
 from motiondeck_base.errors import MotiondeckError

@@ -14,8 +14,7 @@ import numpy as np
 from controller.motion.canonical.clip_edits import cubic
 from controller.motion.clip import Clip
 from controller.motion.formats.gltf_buffers import Accessors, Animation, Asset, Sampler, open_gltf
-from controller.motion.joint_tree import MOST_POSES, JointTree, clip_of, distinct
-from controller.motion.people import chosen_person, people_in
+from controller.motion.joint_tree import MOST_POSES, JointTree, chosen_person, clip_of, distinct, people_in
 from controller.motion.reading_options import AS_FOUND, Format, ReadingOptions
 from controller.motion.rotations import (
     Array,

@@ -20,8 +20,7 @@ import numpy as np
 from controller.motion.bone_names import named_parts
 from controller.motion.clip import FARTHEST, UNITS, Clip, Markers, bridged
 from controller.motion.formats.tables import even_times, first_row, numbers
-from controller.motion.joint_tree import MOST_POSES, JointTree, clip_of
-from controller.motion.people import chosen_person
+from controller.motion.joint_tree import MOST_POSES, JointTree, chosen_person, clip_of
 from controller.motion.reading_options import AS_FOUND, Format, ReadingOptions
 from controller.motion.rotations import Array, continuous, normalise
 from motiondeck_base.errors import FileFormatError

@@ -11,7 +11,7 @@ from controller.motion.clip import Clip, Markers
 from controller.motion.formats.markers.joint_points import joint_points, jointed_body
 from controller.motion.formats.markers.marker_fit import Fit, fit_markers, wears_full_set
 from controller.motion.formats.markers.skin_markers import joints_under_skin
-from controller.motion.people import chosen_person
+from controller.motion.joint_tree import chosen_person
 from controller.motion.reading_options import AS_FOUND, Format, ReadingOptions
 from controller.motion.take.steps import taken
 from motiondeck_base.errors import FileFormatError

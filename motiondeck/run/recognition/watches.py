@@ -31,7 +31,7 @@ class BodyWatch:
     """Feeds a `BodyRecognizer` with the poses that targets are made from; MotiondeckError if a joint is missing."""
 
     def __init__(self, recognizer: Recognizer, skeleton: Skeleton) -> None:
-        from controller.learning.recognition.body_recognizer import BodyRecognizer
+        from controller.learning.recognition.recognizer import BodyRecognizer
 
         self._body = BodyRecognizer(recognizer, skeleton)
         # Nothing is commanded that these motions could miss.
@@ -107,8 +107,7 @@ class RecognitionWatch:
         `patience` seconds in which the joints look like another motion there is an alarm, which may `stop` the run.
         """
         # What recognizes takes longer to import than all that plays, and few runs recognize.
-        from controller.learning.recognition.deck_recognizer import joint_motions, teach_joints, unwind
-        from controller.learning.recognition.deck_watch import DeckWatch
+        from controller.learning.recognition.deck_watch import DeckWatch, joint_motions, teach_joints, unwind
 
         self._unwind = unwind
         measured = channel.output.measured()

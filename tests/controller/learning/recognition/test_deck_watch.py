@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from controller.learning.recognition.deck_recognizer import joint_motions, teach_joints
-from controller.learning.recognition.deck_watch import MOST_ALARMS, DeckWatch
+from controller.learning.recognition.deck_watch import MOST_ALARMS, DeckWatch, joint_motions, teach_joints
 from synthetic import small_library
 
 RATE = 60.0

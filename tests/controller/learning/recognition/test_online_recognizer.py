@@ -3,8 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from controller.learning.recognition.deck_recognizer import JointWatcher, joint_motions, teach_joints, unwind
-from controller.learning.recognition.deck_watch import FollowingWatch
+from controller.learning.recognition.deck_watch import FollowingWatch, JointWatcher, joint_motions, teach_joints, unwind
 from controller.learning.recognition.experts import ExpertRecipe, teach
 from controller.learning.recognition.features import ANGLE_UNIT, FeatureRecipe, features
 from controller.learning.recognition.online_recognizer import MismatchWatch, OnlineRecognizer

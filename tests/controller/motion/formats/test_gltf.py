@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation, Slerp
 
 from controller.motion.formats.reading import read_clip
-from controller.motion.people import SeveralPeopleError
+from controller.motion.joint_tree import SeveralPeopleError
 from controller.motion.reading_options import ReadingOptions
 from motiondeck_base.errors import FileFormatError
 from people import KEYS, OFFSET, check_person, moving

@@ -9,7 +9,7 @@ from controller.learning.learn import learn
 from controller.learning.training_set import read_motion
 from controller.library.motion_library import load_library, save_library
 from controller.motion.formats.reading import read_clip
-from controller.motion.people import SeveralPeopleError
+from controller.motion.joint_tree import SeveralPeopleError
 from controller.motion.reading_options import ReadingOptions
 from motiondeck_base.errors import FileFormatError
 from people import check_person, moving
