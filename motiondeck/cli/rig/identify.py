@@ -21,7 +21,7 @@ from motiondeck_base.errors import MotiondeckError, UnknownNameError
 if TYPE_CHECKING:
     from hardware.rig.rig_file import RigConfig
     from hardware.rig.supervision.rig import Rig
-    from hardware.tools.joint_response import Response
+    from hardware.tools.identify import Response
 
 
 def identify(

@@ -11,8 +11,7 @@ from hardware.emulator.bus import EmulatedBus
 from hardware.errors import RigError
 from hardware.rig.rig_file import RigConfig, RigJoint
 from hardware.rig.supervision.rig import Rig
-from hardware.tools.identify import JointTrials, Stopped
-from hardware.tools.joint_response import LATEST, SECONDS, ChirpAnswers, chirp_of, response
+from hardware.tools.identify import LATEST, SECONDS, ChirpAnswers, JointTrials, Stopped, chirp_of, response
 
 
 class Bench:

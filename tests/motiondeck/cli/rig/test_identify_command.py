@@ -14,8 +14,7 @@ from hardware.bus.servo_bus import Bus
 from hardware.emulator.bus import EmulatedBus
 from hardware.rig.rig_file import load_rig
 from hardware.rig.supervision.rig import Rig
-from hardware.tools.identify import JointTrials
-from hardware.tools.joint_response import Response
+from hardware.tools.identify import JointTrials, Response
 
 PAN = (
     'name = "pan",  id = 1, model = "XL330-M288", direction = 1, zero = 2048, lower = -1.5, upper = 1.5, velocity = 4.0'
