@@ -13,7 +13,7 @@ from hardware.errors import NoReplyError, RigError, ServoError
 from hardware.families.models import MODELS
 from hardware.families.series import HEAT, VOLTAGE
 from hardware.families.table import describe_errors
-from hardware.rig.driving.wire_load import longest_tick
+from hardware.rig.driving.servo_port import longest_tick
 from hardware.rig.registers import read_register, write_each
 from hardware.rig.rig_file import RigConfig
 from hardware.rig.rig_joint import GAINS, NEAR, RigJoint

@@ -22,10 +22,9 @@ from numpy.typing import NDArray
 
 from hardware.bus.servo_bus import Bus
 from hardware.bus.sync_write import SyncWrite
-from hardware.errors import MotiondeckError, with_torque
+from hardware.errors import MotiondeckError, RigError, with_torque
 from hardware.rig.counters import RigFaults
 from hardware.rig.driving.readings import Measurements, Readings
-from hardware.rig.driving.wire_load import refuse_slow_wire
 from hardware.rig.registers import return_delays, same_place, sync_write_all
 from hardware.rig.rig_file import RigConfig
 from hardware.rig.scale import Array, RigScale
@@ -37,6 +36,8 @@ from hardware.rig.switching.turns import keep_zeros
 from hardware.rig.turn_file import TurnFile
 
 _ARM_AGAIN = 1.0  # s
+_WRITTEN = ("goal_position", "profile_velocity", "bus_watchdog")
+_SHORT_DELAY = 20e-6  # s; a servo's answer that starts so soon costs nothing that could be saved
 
 
 class ServoPort:
@@ -249,3 +250,42 @@ def _frames(groups: list[_Group], counts: Array) -> bytes:
         group.write.values[:] = counts[group.rows]
         frames.append(group.write.frame())
     return b"".join(frames)
+
+
+def longest_tick(config: RigConfig, blocks: Sequence[StateBlock], fast: bool, own_delays: Sequence[float]) -> float:
+    """The longest time of goals, a request and its replies while all servos of one port answer, s.
+
+    They must fit into one tick, also into the one of each second that sends speeds and watchdogs again: bytes sent
+    during a reply destroy both. For the block read of each joint and the return delay of its servo, s; `fast` if servos
+    may answer in a joint reply.
+    """
+    config = config.servos
+    count = len(config.joints)
+    readings = Readings(config, range(count), RigScale(config), Measurements(count), RigFaults.none(count))
+    readings.start(range(count), np.zeros(count), blocks, 0.0)
+    written = sum(
+        len(SyncWrite([config.joints[index].id for index in members], address, length, family).frame())
+        for name in _WRITTEN
+        for (family, address, length), members in same_place(config, name).items()
+    )
+    longest = 0.0
+    for request in readings.every_request():
+        read = config.joints[request.joints[0]].table.family.group_read(request.blocks, fast)
+        delays = [own_delays[index] for index in request.joints]
+        answered_after = max(delays) if read.fast else sum(delays)
+        longest = max(longest, 10.0 * (written + len(read.frame) + read.needed) / config.baud + answered_after)
+    return longest
+
+
+def refuse_slow_wire(config: RigConfig, blocks: Sequence[StateBlock], fast: bool, own_delays: Sequence[float]) -> None:
+    """Raises a RigError with the remedy if a rig's ticks do not fit on its wire; arguments as of `longest_tick`."""
+    longest = longest_tick(config, blocks, fast, own_delays)
+    if longest * config.rate_hz <= 1.0:
+        return
+    slow = max(own_delays)
+    quicker = "motiondeck rig doctor --fix shortens their return delay; or lower" if slow > _SHORT_DELAY else "Lower"
+    raise RigError(
+        f"the wire is too slow for rate_hz {config.rate_hz:g}: goals and answers of {len(blocks)} servos take "
+        f"{longest * 1e3:.1f} ms at {config.baud} baud, a tick is {1e3 / config.rate_hz:.1f} ms. "
+        f"{quicker} rate_hz to {int(1.0 / longest)}, or raise baud."
+    )
