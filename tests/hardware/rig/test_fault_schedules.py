@@ -58,6 +58,8 @@ def test_a_random_schedule_of_faults_ends_well(seed):
         (295900202, "a joint of several turns whose power went far behind its goal, taken for one in another turn"),
         (295200253, "a servo without a path that had to hold while it braked to turn back"),
         (701778053, "a restart after the end, taken for a joint that does not hold"),
+        (460000000, "a servo that was swapped between the check of its model and its torque"),
+        (440000046, "a weight that with its friction was more than its joint could lift"),
     ],
 )
 def test_a_schedule_that_was_wrong_ends_well(seed, was):
