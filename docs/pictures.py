@@ -25,10 +25,10 @@ from controller.deck.deck import Deck
 from controller.library.motion_library import load_library
 from controller.networks.orbits import orbits
 from motiondeck.pictures.figures import new_figure, save
-from motiondeck.pictures.library_pictures import draw_sheet
 from motiondeck.pictures.offscreen import OffScreen
 from motiondeck.pictures.video import contact_sheet
 from motiondeck_base.shipped import find_library, find_robot
+from sim.physics.kinematic_playback import KinematicPlayback
 from sim.physics.playback import PhysicsPlayback
 from sim.physics.walking.preview import AHEAD
 from sim.robots.robot import DT, load_robot
@@ -47,6 +47,25 @@ def motiondeck(*words: str | Path) -> None:
 def benchmark(*words: str | Path) -> None:
     """Runs a benchmark."""
     subprocess.run([sys.executable, "-m", "benchmarks", *map(str, words)], check=True, cwd=DOCS.parent)
+
+
+def draw_sheet(library: str, robot: str, out: Path) -> None:
+    """One row a motion: eight pictures, spread over one period of a loop or the moving part of a single act."""
+    loaded = load_library(find_library(library))
+    body = load_robot(find_robot(robot), loaded.skeleton)
+    rows = []
+    for motion in loaded.info.motions:
+        # A third of what a single act was learned from is the pose that it holds in the end.
+        seconds = motion.frames / loaded.info.rate * (1.0 if motion.plays == "loop" else 0.6)
+        deck, stage, moments = Deck(loaded, body.retarget, motion.name), KinematicPlayback(body), []
+        steps = round(seconds / DT / 8)
+        for tick in range(1, 8 * steps + 1):
+            targets, pose = deck.update(seconds / (8 * steps))
+            if tick % steps == 0:
+                stage.write(np.clip(targets, body.limits.lower, body.limits.upper), pose)
+                moments.append(stage.qpos.copy())
+        rows.append((motion.name, body.drawn, moments))
+    contact_sheet(rows, out)
 
 
 def film() -> None:

@@ -1,9 +1,8 @@
-"""Contact sheets and films of the motions of a library."""
+"""Films of the motions of a library."""
 
 from __future__ import annotations
 
 import re
-import sys
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -14,23 +13,20 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from controller.deck.deck import Deck
-from controller.library.motion_library import MotionLibrary, load_library
+from controller.library.motion_library import MotionLibrary
 from controller.loop.commands.commanded_run import CommandedRun
 from controller.loop.stop_requests import StopRequest
 from controller.motion.rotations import Array
 from controller.wire.messages.arguments import CommandError
-from controller.wire.messages.commands import Blend
 from controller.wire.messages.replies import Refused
 from motiondeck.run.spec.program import Program, Timed
 from motiondeck.run.spec.run_spec import RunSpec
-from motiondeck_base.errors import MotiondeckError, UnknownNameError
-from motiondeck_base.shipped import find_library
+from motiondeck_base.errors import MotiondeckError
 from sim.robots.catalogue import find_robot
 
 if TYPE_CHECKING:
     from motiondeck.pictures.offscreen import Camera
     from motiondeck.pictures.video import Shot
-    from sim.physics.kinematic_playback import KinematicPlayback
     from sim.robots.robot import Robot
 
 # Frames per second and size, pixels; a GIF is small enough for a web page.
@@ -38,59 +34,6 @@ FILM = {".mp4": (30.0, (1920, 1080)), ".gif": (20.0, (400, 300))}
 SHORTEST, AFTER_LAST = 6.0, 4.0  # s: a film without a given length, and its rest after the last command
 STEPS_A_SECOND = 200
 PRINTS = 24  # of the latest footprints are shown
-MOMENTS = 8
-SHEET_SECONDS = {"loop": 1.0, "once": 0.6}
-
-
-def draw_sheet(library: str, robot: str, out: Path, blends: Sequence[Blend] = ()) -> None:
-    """One row a motion, MOMENTS pictures each, spread over one period of a loop or the moving part of a single act.
-
-    With blends, one row each of them instead, over one period of the longest of its motions. MotiondeckError if there
-    is no such motion, or some cannot be blended.
-    """
-    from motiondeck.pictures.video import contact_sheet
-    from sim.physics.kinematic_playback import KinematicPlayback
-    from sim.robots.robot import load_robot
-
-    loaded = load_library(find_library(library))
-    body = load_robot(find_robot(robot), loaded.skeleton)
-    lasts = {motion.name: motion.frames / loaded.info.rate for motion in loaded.info.motions}
-    rows: list[tuple[str, list[Array]]] = []
-
-    def draw(label: str, deck: Deck, seconds: float) -> None:
-        stage = KinematicPlayback(body)
-        moments: list[Array] = []
-        for _ in range(MOMENTS):
-            _play_on(deck, stage, body, seconds / MOMENTS)
-            moments.append(stage.qpos.copy())
-        rows.append((label, moments))
-
-    for blend in blends:
-        deck = _blended(loaded, body, blend)
-        parts = [f"{weight:g} {name}" for name, weight in ((blend.second, blend.weight), *blend.also)]
-        label = " + ".join((blend.first, *parts))
-        draw(
-            f"{label}: {deck.fell_back}" if deck.fell_back else label,
-            deck,
-            max(lasts[name] for name in blend.motions),
-        )
-    for motion in () if blends else loaded.info.motions:
-        # A third of what a single act was learned from is the pose that it holds in the end.
-        seconds = lasts[motion.name] * SHEET_SECONDS[motion.plays]
-        draw(motion.name, Deck(loaded, body.retarget, motion.name), seconds)
-    model = body.drawn
-    contact_sheet([(label, model, poses) for label, poses in rows], out)
-    print(f"wrote {out} ({len(rows)} {'blends' if blends else 'motions'})", file=sys.stderr)
-
-
-def _blended(library: MotionLibrary, body: Robot, blend: Blend) -> Deck:
-    if blend.first not in library.network.motions:
-        raise UnknownNameError.among("motion", blend.first, library.network.motions)
-    deck = Deck(library, body.retarget, blend.first)
-    switch = deck.blend_in(blend.first, blend.second, blend.weight, blend.also)
-    while switch.settled_s is None and not deck.fell_back:
-        deck.update(1.0 / STEPS_A_SECOND)
-    return deck
 
 
 @dataclass(frozen=True)
@@ -220,11 +163,3 @@ def _shots(
             if watch is not None:
                 prints += watch(stage.data, dt)
         yield Shot(stage.qpos, ghost if look.ghost else None, prints)
-
-
-def _play_on(deck: Deck, stage: KinematicPlayback, body: Robot, seconds: float) -> None:
-    steps = max(1, round(seconds * STEPS_A_SECOND))
-    for _ in range(steps - 1):
-        deck.update(seconds / steps)
-    targets, pose = deck.update(seconds / steps)
-    stage.write(np.clip(targets, body.limits.lower, body.limits.upper), pose)

@@ -85,15 +85,3 @@ def test_motions_that_failed_are_named_when_a_library_plays(library, capsys):
     )
     name_failing(library)
     assert capsys.readouterr().err == ""
-
-
-@pytest.mark.thorough
-def test_a_sheet_has_one_row_a_blend(monkeypatch, tmp_path):
-    drawn = []
-    monkeypatch.setattr("motiondeck.pictures.video.contact_sheet", lambda rows, out: drawn.extend(rows))
-    blends = [Blend("walk", "jog", 0.3), Blend("jog", "walk", 0.0), Blend("walk", "jog", 0.3, also=(("waltz", 0.2),))]
-    library_pictures.draw_sheet("thesis15", "mannequin", tmp_path / "sheet.png", blends)
-    labels = ["walk + 0.3 jog", "jog + 0 walk", "walk + 0.3 jog + 0.2 waltz"]
-    assert [(label, len(moments)) for label, _, moments in drawn] == [(label, 8) for label in labels]
-    with pytest.raises(MotiondeckError, match="wolk"):
-        library_pictures.draw_sheet("thesis15", "mannequin", tmp_path / "sheet.png", [Blend("wolk", "jog", 0.3)])
