@@ -300,7 +300,7 @@ def test_the_first_motion_is_played_on_the_robot_that_is_named(folder, tmp_path,
     started = []
     monkeypatch.setattr("os.execv", lambda program, command: started.append(command))
     verdict = RobotVerdict("swing", (), 1.0)  # judging takes long, and is tested beside the verdicts
-    monkeypatch.setattr("motiondeck.run.verdicts._motion", lambda judged, name: [verdict])
+    monkeypatch.setattr("motiondeck.run.verdicts._judge", lambda judged, name: [verdict])
     out = tmp_path / "mine.safetensors"
     command = ["learn", str(folder / "swing.bvh"), "--out", str(out), "--play", "--robot", "servo20"]
     assert invoked(*command).exit_code == 0
