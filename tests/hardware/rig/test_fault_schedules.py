@@ -23,7 +23,7 @@ from hardware.rig.rig_joint import SecondServo
 from hardware.rig.switching.torque import hold_still
 
 
-@pytest.mark.parametrize("seed", [0, 10])
+@pytest.mark.parametrize("seed", [0, pytest.param(10, marks=pytest.mark.thorough)])
 def test_a_random_schedule_of_faults_ends_well(seed):
     assert run(seed).problems == []
 

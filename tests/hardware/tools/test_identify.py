@@ -118,6 +118,7 @@ def test_friction_is_about_the_current_that_turns_the_joint_slowly(model):
     assert found.friction == pytest.approx(np.mean(currents), rel=0.35)
 
 
+@pytest.mark.thorough
 def test_it_takes_no_more_than_half_of_the_limits_and_comes_back():
     bench = Bench("XM430-W350", "XM430-W350", lower=-0.5, upper=1.2, velocity=1.0, acceleration=4.0)
     for _ in range(300):

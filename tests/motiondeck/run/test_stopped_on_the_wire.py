@@ -25,6 +25,7 @@ def silent(record):
     return record.stat().st_size == size
 
 
+@pytest.mark.thorough
 def test_joints_of_a_deck_that_is_stopped_stalled_and_killed_brake_within_their_limits(tmp_path):
     with JudgedRig(tmp_path) as rig:
         with JudgedDeck(rig, tmp_path, "walk", "--headless", "--command-port", "0") as deck:

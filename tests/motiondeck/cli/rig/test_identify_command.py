@@ -97,6 +97,7 @@ def without_what_was_written(file):
     return left.replace(f"{tilt.lag:g}", "0.3")
 
 
+@pytest.mark.thorough
 def test_lag_and_friction_are_measured_and_written(bench):
     result = invoked("rig", "identify", bench.file)
     assert result.exit_code == 0, result.output

@@ -94,6 +94,7 @@ def test_one_port_that_is_gone_does_not_keep_the_others_from_being_switched_off(
     assert "not confirmed by tilt. Cut the power." in result.stderr
 
 
+@pytest.mark.thorough
 def test_a_clip_that_the_limits_hold_back_comes_to_its_last_frame(rig, tmp_path):
     one = RIG.replace('  { name = "pan", id = 1, port = "/dev/elsewhere"', '# { name = "pan"')
     clip = tmp_path / "jerk.clip"

@@ -166,6 +166,7 @@ class KnownToBeFarApart(Known):
     blends = {"walk": Partners(["jog"], [""], {name: f"{name} lies down" for name in MOTIONS[2:]})}  # noqa: RUF012
 
 
+@pytest.mark.thorough
 def test_a_long_list_of_what_cannot_be_blended_makes_the_panel_no_wider(browser):
     """It had the emergency stop half out of sight."""
     page = PrivatePage(free_port(), "test")

@@ -1,5 +1,7 @@
 """The page's own parts in a browser: keys while a field has the focus, and names in the strip of the last minutes."""
 
+import pytest
+
 from motiondeck.page.web.parts import PageParts
 from motiondeck.page.web.private_page import PrivatePage
 from waiting import free_port, until
@@ -33,6 +35,7 @@ def test_esc_is_heard_while_a_field_is_typed_in(browser):
         page.stop()
 
 
+@pytest.mark.thorough
 def test_a_name_in_the_strip_is_whole_or_cut_where_it_still_says_what_was_played(browser):
     page = PrivatePage(free_port(), "test")
     strip = PageParts(page).add("timeline", "timeline")

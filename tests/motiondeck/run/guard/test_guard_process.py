@@ -91,6 +91,7 @@ def test_a_deck_that_is_gone_leaves_its_joints_at_rest_with_torque_on(capfd):
     assert "The joints hold, with torque on" in capfd.readouterr().err
 
 
+@pytest.mark.thorough
 def test_a_guard_that_is_to_end_brakes_first_and_its_deck_reads_that_it_is_gone():
     with served(CONFIG) as (servos, port):
         with guard_process() as (link, process):
