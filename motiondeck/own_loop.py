@@ -1,8 +1,7 @@
 # pyright: strict
 """A deck that a program steps itself: joint targets for any time step, without a process, a socket or a clock."""
 
-from collections.abc import Callable, Iterator
-from copy import deepcopy
+from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
@@ -10,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from controller.deck.deck import Deck as PlayingDeck
-from controller.deck.interfaces import JointLimits, Retargeter
+from controller.deck.interfaces import JointLimits
 from controller.deck.layers import Layers
 from controller.deck.switch import CommandedSwitch
 from controller.deck.target_curve import TargetCurve
@@ -118,9 +117,8 @@ class Deck(DeckCommands[CommandedSwitch]):
         self.time = 0.0
         self._rate, self._ticks = rate, 0
         self._deck = PlayingDeck(model, self._robot.retarget, first)
-        groups, mine = joint_groups(self._robot, read_robot_file(file), model.skeleton), self._robot
-        twin: Callable[[], Retargeter] = lambda: deepcopy(mine.retarget, {id(mine.model): mine.model})  # noqa: E731
-        self._deck.layers = Layers(model, self.joints, groups, twin)
+        groups = joint_groups(self._robot, read_robot_file(file), model.skeleton)
+        self._deck.layers = Layers(model, self.joints, groups, self._robot.twin)
         self._source = Source(self._deck, 1.0 / rate)
         self._stop = StopRequest()
         self._commanded_run = CommandedRun(self._deck)

@@ -42,7 +42,7 @@ def replay(
     """
     from controller.deck.recorded_deck import RecordedDeck
     from controller.library.motion_library import load_library
-    from controller.motion.formats.taught_clip import taught_clip
+    from controller.motion.formats.run_recordings import clip_of_run
     from controller.wire.run_recording import load_recording
     from motiondeck.run.assembly import Host, Played, open_session
     from motiondeck.run.report import summary
@@ -58,8 +58,7 @@ def replay(
     player = robot or recorded
     name, rig_alone = library or str(recording.description["library"]), recording.description.get("rig", "")
     if rig_alone and robot is None:
-        joints, targets = recording.description["joints"], recording.fields["targets"]
-        source = taught_clip(name, joints, float(recording.description["rate"]), targets)
+        source = clip_of_run(recording, name)
     else:
         source, rig_alone = load_library(find_library(name)), ""
     if scrub:

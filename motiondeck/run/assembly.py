@@ -166,7 +166,11 @@ def _assemble(opening: ExitStack, stop: StopRequest, spec: RunSpec, played: Play
             for name, group in robot.groups.items()
         }
         deck.layers = Layers(
-            played.source, joints, groups, lambda: together([robot.twin() for robot in robots]), "".join(refusals[:1])
+            played.source,
+            joints,
+            groups,
+            lambda: together([robot.simulation.robot.twin() for robot in robots]),
+            "".join(refusals[:1]),
         )
     correction = _correction(opening, spec, played, robots, deck, lead, clock.period)
     watch = _watch(spec, played, first, channels[0])

@@ -30,9 +30,10 @@ if TYPE_CHECKING:
 def library_run(spec: RunSpec, program: Program, host: Host = ALONE) -> Iterator[Session]:
     """An open run of a program in the block; MotiondeckError if it is too fast for the network, or cannot be opened."""
     source, first, rate, spec = program.source, program.first, spec.rate, with_robot(spec, program.source.skeleton)
+    files = robot_files(spec) if program.file is not None and spec.robot is not None else None
     if isinstance(source, MotionLibrary):
-        if program.file is not None and spec.robot is not None:
-            source = find_baked(spec, program.file, robot_files(spec)[0]) or source
+        if program.file is not None and files is not None:
+            source = find_baked(spec, program.file, files[0]) or source
         rate = checked_rate(source, first, spec.rate, lower=spec.lower_rate)
     if rate != spec.rate:
         print(f"playing at {rate:g} Hz, which the network can hold", file=sys.stderr)
@@ -46,8 +47,8 @@ def library_run(spec: RunSpec, program: Program, host: Host = ALONE) -> Iterator
         return Deck(source, retarget, first, direct=spec.direct, joining=spec.join)
 
     verdicts = dict[str, RobotVerdict]()
-    if program.file is not None and spec.robot is not None:
-        judged = Judged(program.file, *robot_files(spec), spec.root, spec.balance, spec.walk)
+    if program.file is not None and files is not None:
+        judged = Judged(program.file, *files, spec.root, spec.balance, spec.walk)
         verdicts = judged.kept() or (replace(judged, rig=None).kept() if judged.rig is not None else {})
     robots = partial(open_robots, spec=spec, source=source)
     with open_session(spec, Played(source, robots, deck, program.timeline, program.file, verdicts), host) as session:

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from controller.motion.clip import Clip, Plays
+from controller.motion.formats.joint_tables import ROOT_COLUMNS
 from controller.motion.formats.taught_clip import save_taught_clip, taught_clip
 from controller.motion.posture import poses_of
 from controller.motion.rotations import Array
@@ -47,7 +48,7 @@ class JointMotion:
 
     def _csv(self) -> str:
         """The text of a CSV file: s, m, quaternion, rad."""
-        columns = ("time", *(f"root_{name}" for name in ("x", "y", "z", "qw", "qx", "qy", "qz")), *self.joints)
+        columns = ("time", *ROOT_COLUMNS, *self.joints)
         time = np.arange(len(self)) / self.rate
         rows = np.column_stack([time, self.root, self.angles])
         return "\n".join([",".join(columns), *(",".join(f"{value:.9g}" for value in row) for row in rows), ""])

@@ -90,6 +90,10 @@ class Robot:
         """Whether it goes where the human goes; an upper body stays upright in its place."""
         return not isinstance(self.footing, FixedBase)
 
+    def twin(self) -> Retargeter:
+        """A copy of its retargeter as it is now; both share the model."""
+        return deepcopy(self.retarget, {id(self.model): self.model})
+
     @property
     def motors(self) -> Motors | None:
         """Its servos; None if its file has no data of them."""

@@ -29,7 +29,9 @@ from motiondeck_base.files import Line, as_float, write_file
 
 _LARGEST = 1e6
 _NO_COLUMN = ("plays", "fps")
-_ROOT = [f"root_{name}" for name in ("x", "y", "z", "qw", "qx", "qy", "qz")]
+ROOT_COLUMNS = [
+    f"root_{name}" for name in ("x", "y", "z", "qw", "qx", "qy", "qz")
+]  # of a table of `JointMotion`, in front
 
 
 def read_joint_table(path: str | Path, options: ReadingOptions = AS_FOUND) -> Clip:
@@ -64,9 +66,9 @@ def _lines(path: str | Path) -> _Columns:
     table = numbers(path, rows, len(head.words), separator, _LARGEST)
     said = [text.strip("# \t").partition("=") for text in comments]
     notes, columns = {key.strip(): value.strip() for key, _, value in said}, head.words[1:]
-    if columns[: len(_ROOT)] == _ROOT:
-        columns = [f"{joint}_rad" for joint in columns[len(_ROOT) :]]
-        table = np.delete(table, np.arange(1, 1 + len(_ROOT)), axis=1)
+    if columns[: len(ROOT_COLUMNS)] == ROOT_COLUMNS:
+        columns = [f"{joint}_rad" for joint in columns[len(ROOT_COLUMNS) :]]
+        table = np.delete(table, np.arange(1, 1 + len(ROOT_COLUMNS)), axis=1)
     return head.error, [Line(path, number, []) for number, _ in rows], columns, table, notes
 
 
@@ -120,7 +122,7 @@ def _is_joint_table(path: Path) -> bool:
     heads = [head.lower() for head in first_row(path)]
     if len(heads) < 2 or heads[0] not in TIMES:
         return False
-    return any(head.endswith(("_deg", "_rad")) for head in heads) or _ROOT[-1] in heads or not is_table(path)
+    return any(head.endswith(("_deg", "_rad")) for head in heads) or ROOT_COLUMNS[-1] in heads or not is_table(path)
 
 
 FORMAT = Format(suffixes=(".csv", ".npz"), read=read_joint_table, matches=_is_joint_table)

@@ -74,7 +74,7 @@ def open_rig_alone(
     # A clip that limits have held back still comes to its last frame; a library ends where it stops.
     limits, rest = robot.limits, None
     if isinstance(source, Clip):
-        rest = np.clip(_targets(source, retarget)[-1], limits.lower, limits.upper)
+        rest = np.clip(_target(source, -1, retarget), limits.lower, limits.upper)
     groups = groups_of(robot.joints) | named_groups(str(file), robot.joints, output.rig.config.groups)
     return replace(robot, retarget=retarget), rest, channel, RigFigure(robot, output.rig), groups
 
@@ -92,7 +92,7 @@ def recorded_deck(clip: Clip, retarget: Retargeter) -> RecordedDeck:
     """A deck that plays a taught clip once, as it is."""
     count = len(clip)
     fields = {
-        "targets": _targets(clip, retarget),
+        "targets": np.array([_target(clip, frame, retarget).copy() for frame in range(count)]),
         "playing": np.zeros((count, 1)),
         "root_position": clip.root_position,
         "heading": np.zeros((count, 1)),
@@ -101,8 +101,6 @@ def recorded_deck(clip: Clip, retarget: Retargeter) -> RecordedDeck:
     return RecordedDeck(RunRecording({"motions": [clip.name], "rate": clip.rate}, fields, complete=True))
 
 
-def _targets(clip: Clip, retarget: Retargeter) -> Array:
-    """The joint targets of a clip, shape (T, J), rad."""
-    still = np.array(0.0)
-    poses = zip(clip.root_position, clip.rotation, strict=True)
-    return np.array([retarget(Pose(place, still, rotation)).copy() for place, rotation in poses])
+def _target(clip: Clip, frame: int, retarget: Retargeter) -> Array:
+    """The joint targets of a frame, shape (J,), rad."""
+    return retarget(Pose(clip.root_position[frame], np.array(0.0), clip.rotation[frame]))

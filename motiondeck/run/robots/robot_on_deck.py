@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
-from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -65,11 +64,6 @@ class RobotOnDeck:
         if self.guard is not None:
             return "limbs are kept apart in one motion, not in layers over it: leave --check-collisions"
         return ""
-
-    def twin(self) -> Retargeter:
-        """A copy of its retargeter as it is now; both share the model."""
-        model = self.simulation.robot.model
-        return deepcopy(self.retarget, {id(model): model})
 
     @property
     def joints(self) -> list[str]:
