@@ -160,6 +160,7 @@ def test_the_source_distribution_holds_each_path_that_the_readme_mentions(packed
     assert absent(paths, packed) == set()
 
 
+@pytest.mark.thorough
 def test_the_source_distribution_holds_all_sources_and_tests(packed):
     kinds = {".py", ".toml", ".xml", ".safetensors", ".md", ".png", ".webp", ".gif"}
     folders = [

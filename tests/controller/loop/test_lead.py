@@ -103,6 +103,7 @@ def test_the_picture_is_the_deck_s_own_motion_one_lag_later():
         assert np.array_equal(one.root_position, other.root_position)
 
 
+@pytest.mark.thorough
 @settings(max_examples=5, deadline=None)
 @given(st.integers(100, 500), st.lists(st.sampled_from([0.0, 0.02, 0.0333, 0.07]), min_size=JOINTS, max_size=JOINTS))
 def test_an_emergency_stop_brakes_at_once_and_the_picture_shows_what_the_shafts_do(moment, lags):

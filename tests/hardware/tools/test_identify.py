@@ -100,9 +100,8 @@ def test_the_lag_is_that_of_the_true_shaft_in_a_motion(model, load, rate, baud):
     assert found.gain == pytest.approx(1.0, abs=0.05)
 
 
-@pytest.mark.parametrize(
-    "model", ["MX-64", *(pytest.param(model, marks=pytest.mark.thorough) for model in ("XL330-M288", "MX-106"))]
-)
+@pytest.mark.thorough
+@pytest.mark.parametrize("model", ["MX-64", "XL330-M288", "MX-106"])
 def test_friction_is_about_the_current_that_turns_the_joint_slowly(model):
     bench = Bench(model, lower=-3.0, upper=3.0)
     found = bench.identify()

@@ -51,6 +51,7 @@ def angles(a, b):
     return np.linalg.norm(to_rotation_vector(multiply(a, conjugate(b))), axis=-1)
 
 
+@pytest.mark.thorough
 @settings(max_examples=12)
 @given(st.integers(0, 500), st.sampled_from([0.0, 1.0]))
 def test_at_either_end_it_is_one_of_the_motions(seed, weight):
@@ -96,6 +97,7 @@ def test_motions_without_weight_leave_a_blend_of_two_as_it_is(seed, body, share,
         assert apart(alone, beside) < 1e-9
 
 
+@pytest.mark.thorough
 @settings(max_examples=5)
 @given(st.integers(0, 500), st.permutations(range(1, 4)), st.sampled_from([swinging, spinning]))
 def test_the_order_in_which_motions_are_named_changes_nothing(seed, order, body):

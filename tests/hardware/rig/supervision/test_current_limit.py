@@ -15,7 +15,7 @@ from hardware.tools.doctor import examine, fix_settings
 
 MEASURING = [model for model in TRAITS if "goal_current" in MODELS[model].registers]
 STEP = 0.002  # s
-QUICK = ("XM430-W350", "XL330-M288", "PH54-200-S500")
+QUICK = ("XM430-W350", "PH54-200-S500")
 MODELS_AND_TARGETS = [
     pytest.param(model, target, marks=[] if model in QUICK else [pytest.mark.thorough])
     for model in MEASURING

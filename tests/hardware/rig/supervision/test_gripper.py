@@ -54,7 +54,14 @@ class Jaw:
         return np.array(seen)
 
 
-@pytest.mark.parametrize(("model", "current"), [("XL330-M288", 0.3), ("XM430-W350", 0.5), ("PH42-020-S300", 1.0)])
+@pytest.mark.parametrize(
+    ("model", "current"),
+    [
+        ("XL330-M288", 0.3),
+        pytest.param("XM430-W350", 0.5, marks=pytest.mark.thorough),
+        pytest.param("PH42-020-S300", 1.0, marks=pytest.mark.thorough),
+    ],
+)
 def test_it_holds_with_its_current_and_opens_again(model, current):
     jaw = Jaw(model=model, current=current)
     jaw.play(-0.8, 2.0)

@@ -11,7 +11,13 @@ from hardware.rig.rig_file import RigConfig, RigJoint
 from hardware.rig.supervision.rig import Rig
 
 LOAD = 0.3  # of the stall torque
-MODELS = ["XM430-W350", "XL330-M288", "XL430-W250", "PH42-020-S300", "MX-28(1.0)", "AX-12A", "XL-320"]
+MODELS = [
+    *("XM430-W350", "AX-12A"),
+    *(
+        pytest.param(model, marks=pytest.mark.thorough)
+        for model in ("XL330-M288", "XL430-W250", "PH42-020-S300", "MX-28(1.0)", "XL-320")
+    ),
+]
 
 
 class Arm:

@@ -102,7 +102,7 @@ def test_an_angle_becomes_counts_and_is_the_angle_again(zero, direction, gear, t
     assert counts[0] - joint.pulses(angle) == pytest.approx(turns * 4096, abs=0.51)
 
 
-@pytest.mark.parametrize("direction", [1, -1])
+@pytest.mark.parametrize("direction", [1, pytest.param(-1, marks=pytest.mark.thorough)])
 @pytest.mark.parametrize(
     ("model", "current", "mode"),
     [

@@ -23,6 +23,7 @@ from hardware.tools.doctor import examine, fix_settings
 from hardware.tools.rig_writing import save_rig
 
 STALL = 4.4  # A, of an XM540-W270
+BOTH = [2, pytest.param(3, marks=pytest.mark.thorough)]  # ids of the shoulder's servos
 
 
 class Arm:
@@ -115,7 +116,7 @@ def test_zeros_far_off_are_refused_before_torque_comes():
     assert arm.torques == [0, 0]
 
 
-@pytest.mark.parametrize("id", [2, 3])
+@pytest.mark.parametrize("id", BOTH)
 def test_one_that_restarts_is_set_up_again_while_the_other_carries(id):
     arm = Arm(f"reboot:id={id},at=3.0").open()
     arm.drive.load[[arm.first.row, arm.second.row]] = 0.15, -0.15
@@ -129,8 +130,8 @@ def test_one_that_restarts_is_set_up_again_while_the_other_carries(id):
     assert arm.angles == pytest.approx([-0.5, -0.5], abs=0.05)
 
 
-@pytest.mark.parametrize("id", [2, 3])
-@pytest.mark.parametrize("at", [0.4, 0.8, 1.0, 1.2])
+@pytest.mark.parametrize("id", BOTH)
+@pytest.mark.parametrize("at", [0.4, *(pytest.param(at, marks=pytest.mark.thorough) for at in (0.8, 1.0, 1.2))])
 def test_one_that_restarts_in_motion_is_not_taken_for_one_that_has_slipped(id, at):
     """What it had said last is old by then, and the other one takes the joint on; the rig was stopped for it."""
     arm = Arm(f"reboot:id={id},at={at}", velocity=2.5, acceleration=4.0).open()
@@ -149,7 +150,7 @@ def longest_fight(seen):
     return 0.01 * longest
 
 
-@pytest.mark.parametrize("id", [2, 3])
+@pytest.mark.parametrize("id", BOTH)
 @pytest.mark.parametrize("at", [0.7, 0.9])
 def test_one_that_restarts_in_motion_gets_torque_when_the_other_has_come_to_rest(id, at):
     """Before, its path began where the other one's was still going to brake."""
@@ -160,7 +161,7 @@ def test_one_that_restarts_in_motion_gets_torque_when_the_other_has_come_to_rest
     assert seen[-1, 0] > 1.2
 
 
-@pytest.mark.parametrize(("id", "target"), [(2, -0.9), (3, 0.9)])
+@pytest.mark.parametrize(("id", "target"), [(2, -0.9), pytest.param(3, 0.9, marks=pytest.mark.thorough)])
 def test_one_that_went_after_goals_of_another_joint_comes_back_to_its_partner(id, target):
     """Its path was far off by then, and took its time to come back, against the other one."""
     arm = Arm(f"duplicate:id={id},at=2.0,for=0.6,value=4", current=1.5, acceleration=4.0).open()
@@ -175,7 +176,7 @@ class FeetechArm(Arm):
     model = "STS3215"
 
 
-@pytest.mark.parametrize(("id", "target"), [(2, -0.9), (3, 0.9)])
+@pytest.mark.parametrize(("id", "target"), [(2, -0.9), pytest.param(3, 0.9, marks=pytest.mark.thorough)])
 def test_so_does_one_that_shows_no_path(id, target):
     """They fought until one had shut down for overload."""
     arm = FeetechArm(f"duplicate:id={id},at=2.0,for=0.6,value=4", acceleration=4.0).open()
@@ -184,8 +185,10 @@ def test_so_does_one_that_shows_no_path(id, target):
     assert arm.torques == [1, 1]
 
 
-@pytest.mark.parametrize("id", [2, 3])
-@pytest.mark.parametrize(("lasts", "keys"), [(0.6, {"current": 1.5}), (0.9, {})])
+@pytest.mark.parametrize("id", BOTH)
+@pytest.mark.parametrize(
+    ("lasts", "keys"), [(0.6, {"current": 1.5}), pytest.param(0.9, {}, marks=pytest.mark.thorough)]
+)
 def test_neither_of_two_leaps_back_when_the_other_is_let_go(id, lasts, keys):
     arm = Arm(f"duplicate:id={id},at=2.0,for={lasts},value=4", acceleration=4.0, **keys).open()
     arm.play(1.2, 1.9)
@@ -194,8 +197,8 @@ def test_neither_of_two_leaps_back_when_the_other_is_let_go(id, lasts, keys):
     np.testing.assert_allclose(arm.angles, 1.2, atol=0.05)
 
 
-@pytest.mark.parametrize(("id", "end"), [(2, -1.7), (3, 1.7)])
-@pytest.mark.parametrize("lasts", [0.06, 0.1])
+@pytest.mark.parametrize(("id", "end"), [(2, -1.7), pytest.param(3, 1.7, marks=pytest.mark.thorough)])
+@pytest.mark.parametrize("lasts", [0.1, pytest.param(0.06, marks=pytest.mark.thorough)])
 def test_paths_that_part_in_a_moment_come_together(id, end, lasts):
     """One that hears another joint's goal while both turn back stays behind all the way, and they fought for 1.4 s."""
     arm = Arm(f"duplicate:id={id},at=3.0,for={lasts},value=4", velocity=2.5, acceleration=4.0).open()
@@ -232,7 +235,7 @@ def test_two_that_are_read_one_after_the_other_are_not_apart_while_they_move(mod
     assert list(rig.incidents) == []
 
 
-@pytest.mark.parametrize("id", [2, 3])
+@pytest.mark.parametrize("id", BOTH)
 @pytest.mark.parametrize("cause", ["dead:id={},at=2.0,for=1.0", "overheat:id={},at=2.0"])
 @pytest.mark.parametrize("on_loss", ["stop", "go on"])
 def test_one_that_fails_does_not_leave_the_other_pulling(id, cause, on_loss):
@@ -262,7 +265,7 @@ def test_the_other_waits_while_one_is_silent():
     assert arm.angles == pytest.approx([1.5, 1.5], abs=0.05)
 
 
-@pytest.mark.parametrize("id", [2, 3])
+@pytest.mark.parametrize("id", BOTH)
 def test_a_loaded_joint_that_stands_keeps_its_goal_while_one_of_its_servos_is_silent(id):
     """It was held where it was seen, lower than its goal by what the load takes."""
     arm = Arm(f"dead:id={id},at=2.0,for=1.4").open()
