@@ -11,8 +11,7 @@ from scipy.linalg import cho_factor, cho_solve
 from benchmarks.recognition.alignment import warping_distances
 from benchmarks.recognition.methods import Prepare, Scorer, forced_scorer, learned_by_class
 from controller.learning.recognition.experts import ExpertRecipe, Forced, expert_reservoir, force
-from controller.learning.recognition.labelled_recordings import Indices
-from controller.motion.rotations import Array
+from controller.motion.rotations import Array, Indices
 
 
 def mean_pose(signals: list[Array], labels: Indices, classes: int) -> Scorer:

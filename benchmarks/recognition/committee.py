@@ -24,8 +24,7 @@ from controller.learning.recognition.experts import (
     readout,
     total,
 )
-from controller.learning.recognition.labelled_recordings import Indices
-from controller.motion.rotations import Array
+from controller.motion.rotations import Array, Indices
 
 NEURONS, GROUPS = 200, 8
 A_JOINT = 3  # channels: a position, or a velocity

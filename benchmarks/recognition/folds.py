@@ -12,8 +12,8 @@ from benchmarks.recognition.methods import Method, Prepare, Scorer, shared_exper
 from benchmarks.recognition.reduction import REDUCTIONS, Reduce
 from controller.learning.recognition.experts import ExpertRecipe
 from controller.learning.recognition.features import FeatureRecipe, features, with_velocity
-from controller.learning.recognition.labelled_recordings import Dataset, Fold, Indices, Protocol, folds, inner_folds
-from controller.motion.rotations import Array
+from controller.learning.recognition.labelled_recordings import Dataset, Fold, Protocol, folds, inner_folds
+from controller.motion.rotations import Array, Indices
 
 WARPS = (0.5, 0.7, 0.85, 1.0, 1.2, 1.4, 2.0)
 STRETCHES = (0.7, 1.0, 1.4)

@@ -13,9 +13,9 @@ from scipy.spatial.distance import cdist
 from benchmarks.centralized.motion_signature import NUMBERS_A_PART, PARTS, signature
 from benchmarks.recognition.baselines import nearest
 from benchmarks.recognition.methods import Prepare, Scorer
-from controller.learning.recognition.labelled_recordings import Example, Indices
+from controller.learning.recognition.labelled_recordings import Example
 from controller.motion.encodings.encoding import encoding_of
-from controller.motion.rotations import Array
+from controller.motion.rotations import Array, Indices
 
 # Of the numbers of each part: the best center and the mean frequency; the third says how far it moves.
 FREQUENCIES = np.array([n for n in range(NUMBERS_A_PART * len(PARTS)) if n % NUMBERS_A_PART < 2])

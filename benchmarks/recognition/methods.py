@@ -25,8 +25,8 @@ from controller.learning.recognition.experts import (
     total,
 )
 from controller.learning.recognition.features import FeatureRecipe, features, resampled
-from controller.learning.recognition.labelled_recordings import Example, Indices
-from controller.motion.rotations import Array
+from controller.learning.recognition.labelled_recordings import Example
+from controller.motion.rotations import Array, Indices
 from controller.networks.reservoirs.reservoir import random_reservoir
 
 # (learn, ask) -> the cost of each class for each asked example, shape (len(ask), classes); least is nearest.

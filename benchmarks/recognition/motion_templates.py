@@ -15,8 +15,8 @@ from scipy.spatial.distance import cdist
 from benchmarks.recognition.alignment import warped, warping_path
 from benchmarks.recognition.methods import Scorer, learned_by_class
 from controller.learning.recognition.features import heading_of, resampled
-from controller.learning.recognition.labelled_recordings import Example, Indices
-from controller.motion.rotations import Array, conjugate, rotate, yaw
+from controller.learning.recognition.labelled_recordings import Example
+from controller.motion.rotations import Array, Indices, conjugate, rotate, yaw
 from motiondeck_base.errors import MotiondeckError
 
 RATE = 15.0  # Hz

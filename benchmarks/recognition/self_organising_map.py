@@ -12,8 +12,7 @@ from scipy.spatial.distance import cdist
 
 from benchmarks.recognition.alignment import locally_aligned
 from benchmarks.recognition.methods import Prepare, Scorer
-from controller.learning.recognition.labelled_recordings import Indices
-from controller.motion.rotations import Array
+from controller.motion.rotations import Array, Indices
 
 ROUNDS = 15
 GAP = 0.5

@@ -15,8 +15,8 @@ from scipy.stats import rankdata
 
 from benchmarks.recognition.methods import Scorer
 from controller.learning.recognition.experts import margins
-from controller.learning.recognition.labelled_recordings import Fold, Indices, Protocol, folds
-from controller.motion.rotations import Array
+from controller.learning.recognition.labelled_recordings import Fold, Protocol, folds
+from controller.motion.rotations import Array, Indices
 from motiondeck_base.errors import MotiondeckError
 
 FEWEST_CLASSES = 4  # a margin takes two that are learned

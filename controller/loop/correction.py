@@ -22,13 +22,12 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from controller.deck.interfaces import JointLimits
 from controller.deck.locks.lock import LoopPlace
 from controller.loop.lead import Delay
 from controller.loop.safety.safety_envelope import SafetyEnvelope
-from controller.motion.rotations import Array
+from controller.motion.rotations import Array, Flags, Indices
 
 SPACING = 0.03
 """Between the knots of a correction, s of the motion."""
@@ -163,7 +162,7 @@ class Correction:
         self._shown[row] = shown, *self._to_shafts(self._refused).reshape(2, -1)
         self._places[row], self._place = self._place, _NOWHERE
 
-    def learn(self, measured: Array, age: float, free: NDArray[np.bool_]) -> None:
+    def learn(self, measured: Array, age: float, free: Flags) -> None:
         """Takes measured positions (J,), rad, that are `age` s old, of joints that are free to follow or not."""
         if not 0.0 <= age < _OLDEST or self._ticks < len(self._places):
             return
@@ -251,7 +250,7 @@ def _smooth(weight: float) -> float:
     return weight * weight * (3.0 - 2.0 * weight)
 
 
-def _spline(phase: float, knots: int) -> tuple[NDArray[np.int64], Array]:
+def _spline(phase: float, knots: int) -> tuple[Indices, Array]:
     """The four knots around a phase in [0, 1), and their weights: the uniform cubic B-spline."""
     at = phase * knots
     first = math.floor(at)

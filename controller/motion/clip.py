@@ -4,9 +4,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-from controller.motion.rotations import Array
+from controller.motion.rotations import Array, Flags
 from controller.motion.skeleton import Skeleton
 from motiondeck_base.errors import FileFormatError
 
@@ -136,7 +135,7 @@ def bridged(track: Array) -> Array:
     return np.stack([np.interp(every, there, track[there, axis]) for axis in range(track.shape[1])], axis=-1)
 
 
-def runs(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
+def runs(flags: Flags) -> list[tuple[int, int]]:
     """The runs (first, end) of set flags (K,)."""
     change = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(np.int8), [0]])))
     return [(int(first), int(end)) for first, end in change.reshape(-1, 2)]

@@ -8,9 +8,8 @@ from typing import ClassVar
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
-from controller.motion.rotations import Array, FixedVectors
+from controller.motion.rotations import Array, FixedVectors, Indices
 from motiondeck_base.errors import FileFormatError
 
 ROOT = -1
@@ -39,7 +38,7 @@ class Skeleton:
 
     name: str
     bones: tuple[str, ...]
-    parent: NDArray[np.int64]  # the index of each bone's parent, shape (B,); ROOT at the root
+    parent: Indices  # the index of each bone's parent, shape (B,); ROOT at the root
     rest_direction: Array  # unit vectors in the rest pose, arms out sideways, shape (B, 3); x forward, y left, z up
     length: Array  # shape (B,), m
 
@@ -93,12 +92,12 @@ class Skeleton:
         except ValueError:
             raise KeyError(bone) from None
 
-    def children(self, bone: int) -> NDArray[np.int64]:
+    def children(self, bone: int) -> Indices:
         """The indices of the children of a bone (or of ROOT)."""
         return np.flatnonzero(self.parent == bone)
 
     @cached_property
-    def first(self) -> NDArray[np.int64]:
+    def first(self) -> Indices:
         """The bones at the root."""
         return self.children(ROOT)
 

@@ -9,11 +9,10 @@ from itertools import chain, pairwise
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from controller.motion.bone_names import NamedPart, Part, Side, named_parts
 from controller.motion.clip import Clip, Decision
-from controller.motion.rotations import Array, conjugate, cross, normalise, rotate, yaw
+from controller.motion.rotations import Array, Flags, Indices, conjugate, cross, normalise, rotate, yaw
 from motiondeck_base.errors import FileFormatError
 
 ACCEPTED = "upper-body"
@@ -36,12 +35,12 @@ def lacks_legs(names: tuple[str, ...]) -> bool:
 
 def with_legs(
     names: tuple[str, ...],
-    parent: NDArray[np.int64],
+    parent: Indices,
     position: Array,
     rotation: Array,
-    turns: NDArray[np.bool_],
+    turns: Flags,
     path: str | Path,
-) -> tuple[tuple[str, ...], NDArray[np.int64], Array, Array, NDArray[np.bool_]]:
+) -> tuple[tuple[str, ...], Indices, Array, Array, Flags]:
     """The fields of the tree of joints of an upper body, in the axes and the unit of its file, with legs.
 
     The pelvis is the first joint of pelvis or trunk by name, or else the first one. FileFormatError if that is not as

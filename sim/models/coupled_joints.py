@@ -6,17 +6,16 @@ from typing import Self
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
-from controller.motion.rotations import Array
+from controller.motion.rotations import Array, Indices
 
 
 @dataclass(frozen=True)
 class LedJoints:
     """F joints that follow others."""
 
-    follower: NDArray[np.int64]  # joints, shape (F,)
-    leader: NDArray[np.int64]  # the joint that each follows
+    follower: Indices  # joints, shape (F,)
+    leader: Indices  # the joint that each follows
     curve: Array  # the coefficients of the followers' positions as polynomials of their leaders', shape (F, 5)
 
     @classmethod

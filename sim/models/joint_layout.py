@@ -9,9 +9,8 @@ from typing import Self
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
-from controller.motion.rotations import Array, dot, from_rotation_vector, to_rotation_vector
+from controller.motion.rotations import Array, Indices, dot, from_rotation_vector, to_rotation_vector
 from motiondeck_base.errors import FileFormatError
 from sim.models.coupled_joints import LedJoints, led_joints
 
@@ -24,14 +23,14 @@ class JointLayout:
     """J coordinates in nq numbers, of which the first seven are the free root's position and quaternion."""
 
     joints: tuple[str, ...]  # the names of the coordinates, length J
-    hinge: NDArray[np.int64]  # coordinates that are hinge angles, shape (H,)
-    hinge_qpos: NDArray[np.int64]  # their places in qpos
-    ball: NDArray[np.int64]  # coordinates that are rotation vectors, shape (N, 3)
-    ball_qpos: NDArray[np.int64]  # places of their quaternions in qpos, shape (N, 4)
-    dof: NDArray[np.int64]  # places of the coordinates in qvel, shape (J,)
+    hinge: Indices  # coordinates that are hinge angles, shape (H,)
+    hinge_qpos: Indices  # their places in qpos
+    ball: Indices  # coordinates that are rotation vectors, shape (N, 3)
+    ball_qpos: Indices  # places of their quaternions in qpos, shape (N, 4)
+    dof: Indices  # places of the coordinates in qvel, shape (J,)
     led: tuple[LedJoints, ...] = ()  # joints that follow others, in the order of placing
-    followers: tuple[NDArray[np.int64], ...] = ()  # their places in qpos, by group
-    leaders: tuple[NDArray[np.int64], ...] = ()  # likewise
+    followers: tuple[Indices, ...] = ()  # their places in qpos, by group
+    leaders: tuple[Indices, ...] = ()  # likewise
 
     @classmethod
     def of(cls, model: mujoco.MjModel) -> Self:

@@ -13,10 +13,9 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import nnls
 
-from controller.motion.rotations import Array
+from controller.motion.rotations import Array, Flags
 from sim.models.feet import Foot
 from sim.models.gravity import GRAVITY
 from sim.models.kinematic_tree import below
@@ -49,7 +48,7 @@ class Loads:
     lowest: Array  # height of the lowest point, shape (T,), m
     slide: Array  # speed of touching soles along the ground, shape (T,), m/s
     support: tuple[Array, ...]  # support polygons, length T
-    lies: NDArray[np.bool_]  # whether other bodies than the feet touch the ground, shape (T,)
+    lies: Flags  # whether other bodies than the feet touch the ground, shape (T,)
     com: Array  # the centre of mass, shape (T, 3), m
     com_velocity: Array  # its velocity along the ground, shape (T, 2), m/s
 
@@ -80,7 +79,7 @@ def loads_of(
     depth, lowest, slide = np.zeros(count), np.empty(count), np.zeros(count)
     lies = np.zeros(count, dtype=bool)
     com, support, worst = np.empty((count, 3)), [], ("", 0.0)
-    before: tuple[NDArray[np.bool_], Array] | None = None
+    before: tuple[Flags, Array] | None = None
     flags = model.opt.disableflags
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT.value
     try:
@@ -161,7 +160,7 @@ def _corners(model: mujoco.MjModel, data: mujoco.MjData, feet: tuple[Foot, ...])
     return points, jacobians
 
 
-def _on_the_ground(corners: Array, robot: Robot, share: float) -> NDArray[np.bool_]:
+def _on_the_ground(corners: Array, robot: Robot, share: float) -> Flags:
     """Which corners (C, 3) are within a share of the root's height of the lowest one."""
     return corners[:, 2] < corners[:, 2].min(initial=np.inf) + share * robot.root_height
 

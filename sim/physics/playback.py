@@ -5,11 +5,10 @@ from copy import copy
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from controller.deck.interfaces import Side
 from controller.motion.posture import Pose
-from controller.motion.rotations import Array
+from controller.motion.rotations import Array, Indices
 from motiondeck_base.errors import MotiondeckError
 from sim.models.surface import LowestPoint
 from sim.physics.balance import Balance
@@ -312,7 +311,7 @@ class PhysicsPlayback:
         ahead[:] = self._lead * self._turned[layout.dof]
         ahead[layout.hinge] += self._goal[layout.hinge_qpos]
 
-    def _aim_balls(self, ctrl: Array, balls: NDArray[np.int64]) -> None:
+    def _aim_balls(self, ctrl: Array, balls: Indices) -> None:
         # MuJoCo subtracts the joint's rotation vector from the control; the difference is to be the error.
         mujoco.mj_differentiatePos(self.model, self._turned, 1.0, self._straight, self.data.qpos)
         mujoco.mj_differentiatePos(self.model, self._error, 1.0, self.data.qpos, self._goal)

@@ -5,10 +5,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from controller.motion.posture import Pose
-from controller.motion.rotations import Array, continuous, multiply, normalise, rotate, yaw
+from controller.motion.rotations import Array, Indices, continuous, multiply, normalise, rotate, yaw
 from controller.motion.skeleton import Skeleton
 from sim.robots.robot import Robot, load_robot
 
@@ -70,7 +69,7 @@ def poses_at(played: PlayedMotion, tempo: float, tick: float) -> list[Pose]:
     return [Pose(*pose) for pose in zip(root, heading, rotation, strict=True)]
 
 
-def _ticks(played: PlayedMotion, tempo: float, tick: float) -> tuple[NDArray[np.int64], Array]:
+def _ticks(played: PlayedMotion, tempo: float, tick: float) -> tuple[Indices, Array]:
     """The sample before each of the K ticks, and the tick's share of the way to the next one."""
     at = np.arange(0.0, len(played.targets) - 1, tick * tempo / DT)
     before = at.astype(np.int64)

@@ -5,11 +5,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from controller.deck.interfaces import PlacedPose
 from controller.motion.posture import Pose
-from controller.motion.rotations import Array
+from controller.motion.rotations import Array, Flags
 from sim.models.kinematic_tree import path_to
 from sim.models.walk_settings import WalkSettings
 from sim.physics.physics_model import Alteration, feet_of
@@ -124,7 +123,7 @@ def placed_pose(root: Array, heading: float) -> PlacedPose:
     return PlacedPose(root[:3], np.array(heading), root[None, 3:7], root)
 
 
-def _legs(robot: Robot) -> NDArray[np.bool_]:
+def _legs(robot: Robot) -> Flags:
     """Which joint coordinates belong to legs, shape (J,)."""
     model = robot.model
     bodies = {body for foot in feet_of(robot) for body in path_to(model, int(model.body(foot.body).id))}

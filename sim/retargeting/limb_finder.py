@@ -6,9 +6,8 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
-from controller.motion.rotations import Array, conjugate, rotate
+from controller.motion.rotations import Array, Indices, conjugate, rotate
 from motiondeck_base.errors import FileFormatError
 from sim.models.kinematic_tree import below, hinges_between, joints_above
 from sim.models.limb_geometry import ACROSS, centre_of, end_hinge, folds, level_with, sine
@@ -31,7 +30,7 @@ class Vectors:
 
     names: tuple[str, ...]  # such as "r_leg", length K
     # Bodies of start and end, shape (2, K), and their points in these frames, shape (2, K, 3), m.
-    body: NDArray[np.int64]
+    body: Indices
     point: Array
     rest: Array  # the vectors with all joints at zero, shape (K, 3), m
     length: Array  # shape (K,), m

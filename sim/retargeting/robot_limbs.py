@@ -6,11 +6,10 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from controller.deck.interfaces import JointLimits
 from controller.motion.rest_pose import FOOT_SLOPE
-from controller.motion.rotations import Array
+from controller.motion.rotations import Array, Flags
 from sim.models.coupled_joints import LedJoints, followers
 from sim.models.kinematic_tree import Scratch, UprightPelvis, below, joints_above
 from sim.models.limb_geometry import ACROSS
@@ -107,7 +106,7 @@ class RobotLimbs:
         return Waist(self._waist[: turns.sum()], limits.lower[turns], limits.upper[turns], below, above, hips)
 
     @property
-    def moved(self) -> NDArray[np.bool_]:
+    def moved(self) -> Flags:
         """Whether the N joints move each of the K vectors, shape (K, N)."""
         return np.any(self._moves[:, :, 0] != 0.0, axis=0)
 

@@ -8,9 +8,8 @@ of speed. If it gets much closer, the limb's joints go over to it at full speed.
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-from controller.motion.rotations import Array
+from controller.motion.rotations import Array, Flags
 from sim.retargeting.limb_finder import FEET
 
 # Error of a vector from which its limb is far off, as a share of its length, and the scout's relative error to take
@@ -29,7 +28,7 @@ class StuckLimbs:
     """Leads stuck limbs of one robot to a second solution; the joints `crossing` (N,) are on their way to it."""
 
     def __init__(
-        self, names: Sequence[str], moved: NDArray[np.bool_], length: Array, rest: Array, advance: Advance, dt: float
+        self, names: Sequence[str], moved: Flags, length: Array, rest: Array, advance: Advance, dt: float
     ) -> None:
         """Args: K vectors, the N joints that move them (K, N), their lengths, the rest pose, the step, the tick."""
         self._rest, self._advance = rest, advance
@@ -50,7 +49,7 @@ class StuckLimbs:
         self._scout: Array | None = None
         self._looked = self._waiting = 0
 
-    def of_limbs_off(self, missed: Array) -> NDArray[np.bool_]:
+    def of_limbs_off(self, missed: Array) -> Flags:
         """The joints (N,) of limbs that are off, for squared errors (K,), m^2."""
         off = missed > self._off
         return np.any(

@@ -4,12 +4,11 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from controller.motion.anatomy import Side, anatomy
 from controller.motion.clip import Clip
 from controller.motion.posture import poses_of
-from controller.motion.rotations import Array, normalise, rotate, yaw
+from controller.motion.rotations import Array, Flags, normalise, rotate, yaw
 from sim.models.kinematic_tree import below
 from sim.models.surface import LowestPoint, Surface
 from sim.retargeting.human_limbs import LIMBS, LimbView
@@ -169,7 +168,7 @@ def floor_measures(clip: Clip, robot: Robot, qpos: Array, feet: dict[str, int]) 
     return {"slide": float(np.mean(speeds)) if speeds else 0.0, "sunk": sunk, "floating": floating / max(len(qpos), 1)}
 
 
-def standing_feet(clip: Clip) -> dict[str, NDArray[np.bool_]]:
+def standing_feet(clip: Clip) -> dict[str, Flags]:
     """Whether the human's right and left foot stand, by the speed of their ball, shape (T,) each."""
     found = {}
     for side, name in SIDES:

@@ -17,10 +17,9 @@ from typing import Any, Literal
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from controller.deck.interfaces import JointLimits
-from controller.motion.rotations import Array
+from controller.motion.rotations import Array, Flags, Indices
 from sim.models.coupled_joints import followers
 from sim.models.kinematic_tree import path_to
 from sim.robots.limb_directions import MEAN_LIMIT, WORST_LIMIT, LimbDirections, LimbSegment, degrees_between
@@ -84,14 +83,14 @@ def limb_causes(
     return found
 
 
-def _does_worse(there: Array, goals: Array, least: Array, often: bool, far: NDArray[np.bool_]) -> bool:
+def _does_worse(there: Array, goals: Array, least: Array, often: bool, far: Flags) -> bool:
     """Whether limbs (F, s, 3) exceed the least error (F,) within reach: often, or in frames `far` (F,)."""
     missing = _as_a_whole(there, goals) - least
     passes = np.maximum(CLOSE, SHARE * least)
     return bool((often and missing.mean() > passes.mean()) or (missing > passes)[far].any())
 
 
-def _on_its_way(wanted: Array, joints: NDArray[np.int64], robot: Robot, rate: float) -> NDArray[np.bool_]:
+def _on_its_way(wanted: Array, joints: Indices, robot: Robot, rate: float) -> Flags:
     """Whether one of the joints is at its speed limit, by frame (T,)."""
     step = np.abs(np.diff(wanted[:, joints], axis=0, prepend=wanted[:1, joints]))
     return np.any(step * rate >= FULL * robot.limits.velocity[joints], axis=1)

@@ -12,10 +12,9 @@ from collections import Counter
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from controller.motion.posture import Pose
-from controller.motion.rotations import Array
+from controller.motion.rotations import Array, Flags
 from motiondeck_base.errors import MotiondeckError
 from sim.models.coupled_joints import followers
 from sim.models.kinematic_tree import path_to
@@ -73,7 +72,7 @@ class CollisionGuard:
         """A guard for poses dt seconds apart."""
         self._robot, self._collisions = robot, SelfCollision(robot)
         self._joints_of = _moved_bodies(robot)
-        self._between: dict[tuple[int, int], NDArray[np.bool_]] = {}
+        self._between: dict[tuple[int, int], Flags] = {}
         self._qpos = robot.model.qpos0.copy()
         self._step = robot.limits.velocity * dt
         self._good = robot.rest.copy()  # where nothing counts as a collision
@@ -106,7 +105,7 @@ class CollisionGuard:
         self._robot.layout.place(targets, self._qpos)
         return [pair for pair, depth in self._collisions.touching(self._qpos).items() if depth > OVERLAP]
 
-    def _joints_between(self, a: int, b: int) -> NDArray[np.bool_]:
+    def _joints_between(self, a: int, b: int) -> Flags:
         """Which joint coordinates move two bodies against each other, shape (J,)."""
         if (a, b) not in self._between:
             ways = [set(path_to(self._robot.model, body)) for body in (a, b)]
@@ -115,7 +114,7 @@ class CollisionGuard:
         return self._between[a, b]
 
 
-def _moved_bodies(robot: Robot) -> NDArray[np.bool_]:
+def _moved_bodies(robot: Robot) -> Flags:
     """Which bodies hang from each joint coordinate, or from a joint that follows it, shape (J, bodies)."""
     model = robot.model
     moved = np.zeros((model.nu, model.nbody), dtype=np.bool_)

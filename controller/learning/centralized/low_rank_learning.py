@@ -15,7 +15,6 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import cholesky, solve_triangular
 from threadpoolctl import threadpool_limits
 
@@ -28,7 +27,7 @@ from controller.learning.centralized.satellite_learning import (
     rank_frequencies,
     rank_satellites,
 )
-from controller.motion.rotations import Array
+from controller.motion.rotations import Array, Flags, Indices
 from controller.networks.centralized.centers import pairs_at, require_frequencies
 from controller.networks.centralized.low_rank import LowRankWeights
 from controller.networks.centralized.satellites import GaussianSatellites
@@ -66,9 +65,9 @@ class LowRankNetwork:
 class _Plan:
     """A network of the path: kept shares, their curves, and the number of satellites of each curve."""
 
-    kept: NDArray[np.bool_]  # (D, r)
-    curves: NDArray[np.int64]  # (r,)
-    used: NDArray[np.int64]  # (r,)
+    kept: Flags  # (D, r)
+    curves: Indices  # (r,)
+    used: Indices  # (r,)
     left: float  # of the sum of squares, about
 
     def numbers(self, centers: int) -> int:
@@ -207,7 +206,7 @@ def _chosen(
     )
 
 
-def nested_readout(response: Array, target: Array, used: NDArray[np.int64]) -> Array:
+def nested_readout(response: Array, target: Array, used: Indices) -> Array:
     """Weights (r, m): column j of a target (K, r) is a ridge sum of the first used[j] responses (K, m), 0 beyond."""
     gram = response.T @ response
     gram[np.diag_indices(len(gram))] += RIDGE_SHARE * len(response)
@@ -220,7 +219,7 @@ def nested_readout(response: Array, target: Array, used: NDArray[np.int64]) -> A
     return weights.T
 
 
-def _shares(curves: Array, target: Array, kept: NDArray[np.bool_]) -> Array:
+def _shares(curves: Array, target: Array, kept: Flags) -> Array:
     """The shares of the channels of a target (K, D) in their kept curves (K, r), shape (D, r)."""
     shares = np.zeros(kept.shape)
     regulariser = 1e-9 * float(np.square(curves).sum())

@@ -16,13 +16,12 @@ from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.special import expit
 
 from controller.learning.centralized.satellite_learning import learn, ridge_readout, slow_and_fast
 from controller.motion.clip import bridged, runs
-from controller.motion.rotations import Array
+from controller.motion.rotations import Array, Flags
 from controller.networks.ridge import ridge
 
 CONTEXT_S = 3.0  # on both sides of a gap, besides the length of the gap
@@ -49,7 +48,6 @@ FEWEST_SEEN = 30  # frames of a marker, for its weights
 FEWEST_OTHERS = 3  # markers, for the pose of the body
 BRIDGED = 0.1  # largest missing share of the other markers outside the gap; interpolated linearly
 
-Flags = NDArray[np.bool_]
 FilledBy = Literal["network", "components", "path"]
 
 
@@ -284,7 +282,7 @@ def _bridged(markers: Array, missing: Flags) -> Array:
     return whole
 
 
-def by_components(others: Array, path: Array, missing: NDArray[np.bool_], kept: float) -> Array:
+def by_components(others: Array, path: Array, missing: Flags, kept: float) -> Array:
     """The path (K, 3) of a marker, predicted in every frame from M others (K, M, 3) about their centre.
 
     By principal components (Gloersen and Federolf 2016, PLoS ONE 11(3): e0152616): each coordinate is divided by its

@@ -12,7 +12,6 @@ one-shot may be LATE seconds late from STOPS seconds before its end on, because 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from controller.deck.motion_generator import MotionGenerator
 from controller.library.motion_library import MotionLibrary
@@ -20,7 +19,7 @@ from controller.library.recording_error import Errors, RecordingError
 from controller.motion.canonical.canonical_body import CANONICAL_BONES, carried, landmark_places, to_canonical
 from controller.motion.clip import Clip, runs
 from controller.motion.posture import walked_clip
-from controller.motion.rotations import Array, normalise
+from controller.motion.rotations import Array, Flags, Indices, normalise
 from controller.motion.skeleton import JAEGER_PARENT, Skeleton
 from motiondeck_base.errors import FileFormatError
 
@@ -43,7 +42,7 @@ class RecordedPart:
     """The landmarks of the learned part of a recording."""
 
     places: Array  # shape (T, 20, 3), m
-    known: NDArray[np.bool_]  # which the recording has, shape (20,)
+    known: Flags  # which the recording has, shape (20,)
     since: Array  # of each frame, s since the start of the motion, shape (T,)
     first: float  # start and end of the motion in the recording, s
     end: float
@@ -148,20 +147,20 @@ def _nearest_late(recorded: RecordedPart, frame: int, played: Array) -> Array:
     return some[off.mean(axis=1).argmin()]
 
 
-def _pointing(recorded: RecordedPart) -> NDArray[np.int64]:
+def _pointing(recorded: RecordedPart) -> Indices:
     """The bones whose directions the recording has, without those at the root, which may lie anywhere in the pelvis."""
     lengths = np.median(np.linalg.norm(recorded.places[:, 1:] - recorded.places[:, PARENT], axis=-1), axis=0)
     return np.flatnonzero(recorded.known[1:] & recorded.known[PARENT] & (lengths > SHORTEST) & (PARENT > 0))
 
 
-def _angles(ours: Array, theirs: Array, bones: NDArray[np.int64]) -> Array:
+def _angles(ours: Array, theirs: Array, bones: Indices) -> Array:
     """Angles between bones, shape (T, bones), degrees."""
     lines = [places[:, 1 + bones] - places[:, PARENT[bones]] for places in (ours, theirs)]
     one, other = map(normalise, lines)
     return np.degrees(2.0 * np.arcsin(np.clip(np.linalg.norm(one - other, axis=-1) / 2.0, 0.0, 1.0)))
 
 
-def _errors(off: Array, bones: NDArray[np.int64], at: Array) -> Errors:
+def _errors(off: Array, bones: Indices, at: Array) -> Errors:
     frame, joint = np.unravel_index(int(off.argmax()), off.shape)
     return Errors(
         median=float(np.median(off)),

@@ -13,14 +13,13 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from controller.learning.preparation.loops import best_seam, with_velocities
 from controller.motion.clip import Clip
 from controller.motion.encodings.joint_angles import angles_of
 from controller.motion.formats.reading import read_clip
 from controller.motion.formats.taught_clip import taught_clip
-from controller.motion.rotations import Array
+from controller.motion.rotations import Array, Indices
 from motiondeck_base.errors import FileFormatError
 
 _TAKE = re.compile(r"\.(\d+)$")
@@ -149,7 +148,7 @@ def _laid_over(take: Array, reference: Array) -> Array:
     return _at(take, place)
 
 
-def _path(reference: Array, take: Array) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _path(reference: Array, take: Array) -> tuple[Indices, Indices]:
     """The pairs of frames of the warping path with the least cost."""
     cost = np.square(reference[:, None] - take[None]).sum(axis=2)
     total = np.full((len(reference) + 1, len(take) + 1), np.inf)

@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from controller.deck.interfaces import Retargeter
 from controller.deck.tracks.frame_player import FramePlayer
@@ -17,7 +16,7 @@ from controller.learning.recognition.features import ANGLE_UNIT
 from controller.learning.recognition.online_recognizer import FrameTimes, MismatchWatch, OnlineRecognizer
 from controller.library.motion_library import MotionLibrary
 from controller.motion.posture import Pose, walk_path
-from controller.motion.rotations import Array
+from controller.motion.rotations import Array, Flags, Indices
 from motiondeck_base.errors import MotiondeckError
 
 RATE = 30.0  # Hz
@@ -53,7 +52,7 @@ def joint_motions(library: MotionLibrary, retarget: Retargeter, rate: float = RA
     return out
 
 
-def unwind(joints: Array, balls: NDArray[np.int64]) -> None:
+def unwind(joints: Array, balls: Indices) -> None:
     """Replaces rotation vectors v = angle axis of ball joints, with indices (N, 3), by sin(angle) axis, in place.
 
     The joints have the shape (..., J), rad. The result is smooth, and the same for all rotation vectors of a rotation,
@@ -138,7 +137,7 @@ class FollowingWatch:
         self.off = np.zeros(joints)  # error of each joint, rad
         self.moved = np.zeros(joints)  # range of each joint's targets of the last LAG seconds, rad
 
-    def update(self, targets: Array, measured: Array) -> NDArray[np.bool_]:
+    def update(self, targets: Array, measured: Array) -> Flags:
         """Processes targets and measured positions of a tick, shape (J,), rad; NaN counts as not following.
 
         Returns whether each joint does not follow, shape (J,), which the next call overwrites.
@@ -194,7 +193,7 @@ class DeckWatch:
         return self._mismatch.mismatch
 
     @property
-    def stuck(self) -> NDArray[np.bool_]:
+    def stuck(self) -> Flags:
         """Whether each joint does not follow, shape (J,); reset after CALM seconds of following."""
         return self._on[:-1]
 

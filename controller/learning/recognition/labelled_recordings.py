@@ -18,12 +18,12 @@ from pathlib import Path
 from typing import Literal, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from controller.motion.clip import Clip
 from controller.motion.formats.acclaim.amc import skeleton_of
 from controller.motion.formats.reading import read_clip, recordings_below
 from controller.motion.reading_options import ReadingOptions
+from controller.motion.rotations import Indices
 from motiondeck_base.errors import FileFormatError, MotiondeckError
 
 SHORTEST = 4
@@ -31,7 +31,6 @@ HALVES = 3
 
 Protocol: TypeAlias = Literal["actor-out", "one-actor", "half"]
 PROTOCOLS: tuple[Protocol, ...] = ("actor-out", "one-actor", "half")
-Indices: TypeAlias = NDArray[np.int64]
 Fold: TypeAlias = tuple[Indices, Indices]  # training and test examples
 
 
@@ -58,12 +57,12 @@ class Dataset:
         return sorted({example.label for example in self.examples})
 
     @cached_property
-    def labels(self) -> NDArray[np.int64]:
+    def labels(self) -> Indices:
         """The class of each example, an index into `classes`."""
         return np.array([self.classes.index(example.label) for example in self.examples])
 
     @cached_property
-    def actors(self) -> NDArray[np.int64]:
+    def actors(self) -> Indices:
         """The actor of each example, an index into the sorted names of the actors."""
         names = sorted({example.actor for example in self.examples})
         return np.array([names.index(example.actor) for example in self.examples])

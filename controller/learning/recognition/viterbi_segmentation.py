@@ -1,12 +1,11 @@
 """Segments a stream by recognition: the class of each frame by Viterbi decoding of the experts' errors."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from controller.learning.recognition.experts import SMALLEST_ERROR, ExpertBank, frame_errors
-from controller.motion.rotations import Array
+from controller.motion.rotations import Array, Indices
 
-Frames = NDArray[np.int64]
+Frames = Indices
 
 # Cost of a change of class, in seconds of an expert with e times the error.
 CHANGE_COST = 0.67

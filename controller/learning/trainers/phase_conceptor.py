@@ -13,7 +13,6 @@ from dataclasses import fields
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
 from controller.learning.preparation.training_motion import TrainingMotion
 from controller.learning.reservoirs.conceptor_training import principal_directions
@@ -25,7 +24,7 @@ from controller.learning.trainers.phase_driven import (
     with_readouts,
 )
 from controller.motion.encodings.normalisation import Normalisation
-from controller.motion.rotations import Array
+from controller.motion.rotations import Array, Indices
 from controller.networks.driving_input import DrivingInput
 from controller.networks.phase_conceptor.network import PhaseConceptorMotion, PhaseConceptorNetwork, StoredPieces
 from controller.networks.reservoirs.phase_reservoir import PhaseCourse, PhaseReservoir, PhaseScales
@@ -114,7 +113,7 @@ def _driven_states(
     return states.astype(np.float64), len(channels[0])
 
 
-def _window(course: PhaseCourse, piece: int, overlap: int) -> NDArray[np.int64]:
+def _window(course: PhaseCourse, piece: int, overlap: int) -> Indices:
     """The frames of a piece and its overlap; negative ones lie before the motion."""
     own = np.flatnonzero(course.piece == piece)
     last = own[-1] + overlap

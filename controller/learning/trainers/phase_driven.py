@@ -11,13 +11,12 @@ from typing import Any, ClassVar, TypeVar
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
 from controller.learning.measures.self_test import Judge, self_test
 from controller.learning.preparation.training_motion import TrainingMotion
 from controller.learning.trainers.trainer import Lessons, NewMotion, Trainer, mabs
 from controller.motion.encodings.normalisation import Normalisation
-from controller.motion.rotations import Array
+from controller.motion.rotations import Array, Indices
 from controller.networks.reservoirs.phase_driven import PhaseDrivenNetwork, PhaseMotion
 from controller.networks.reservoirs.phase_reservoir import (
     ANCHOR_EVERY,
@@ -106,7 +105,7 @@ def with_readouts(unread: Motion, motion: TrainingMotion, normalisation: Normali
     return type(unread)(replace(unread.stored, readout=readout), unread.course, unread.reservoir, driving)
 
 
-def learn_readouts(states: Float32, piece: NDArray[np.int64], frames: Array, regulariser: float) -> Float32:
+def learn_readouts(states: Float32, piece: Indices, frames: Array, regulariser: float) -> Float32:
     """A readout (R, r) for each piece of a motion, shape (P, C, k + 1), of settled states (T, k) and frames (T, C).
 
     `piece` is that of each frame, shape (T,).

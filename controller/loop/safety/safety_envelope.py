@@ -15,11 +15,10 @@ each take three times as long.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
 from controller.deck.interfaces import JointLimits
 from controller.loop.safety.braking import braked, held_back, longest_run, stopping_run
-from controller.motion.rotations import Array
+from controller.motion.rotations import Array, Flags
 from motiondeck_base.errors import MotiondeckError
 
 CHANGED = 1e-9  # a target that is changed by more than this (rad) is counted as changed
@@ -74,7 +73,7 @@ class SafetyEnvelope:
             state[:] = p, 0.0, 0.0, p, 0.0, True
         self.changed[:] = [0] * len(self.changed)
 
-    def restart(self, joints: NDArray[np.bool_], position: Array) -> None:
+    def restart(self, joints: Flags, position: Array) -> None:
         """Begins anew with these joints, shape (J,), at rest at `position` (J,), rad; the others go on."""
         for joint in np.flatnonzero(joints).tolist():
             self._states[joint][:] = float(position[joint]), 0.0, 0.0, float(position[joint]), 0.0, True

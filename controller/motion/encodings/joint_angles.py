@@ -12,11 +12,10 @@ from dataclasses import dataclass
 from typing import ClassVar, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from controller.motion.clip import Clip
 from controller.motion.posture import Pose, Posture
-from controller.motion.rotations import Array
+from controller.motion.rotations import Array, Indices
 from controller.motion.skeleton import ROOT, Skeleton, SkeletonInfo
 from motiondeck_base.errors import UnknownNameError
 
@@ -71,7 +70,7 @@ class JointAngles:
         return slice(0, 0)
 
     @property
-    def leading(self) -> NDArray[np.int64]:
+    def leading(self) -> Indices:
         """The bones that the root's heading follows: any, since it is constant."""
         return np.arange(self.channels)
 

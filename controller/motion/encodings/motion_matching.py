@@ -9,10 +9,9 @@ from bisect import bisect_right
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from controller.motion.encodings.encoding import Encoding
-from controller.motion.rotations import Array
+from controller.motion.rotations import Array, Indices
 
 SAMPLES = 6  # per window
 SAMPLE_SECONDS = 1.0 / 30.0  # from one to the next, and from one window to the next
@@ -48,9 +47,9 @@ def windows(features: Array, stride: int, *, wrap: bool = False) -> Array:
 class MotionMatch:
     """The n windows of a run compared with the motions of a library."""
 
-    motion: NDArray[np.int64]  # index of the nearest motion to each window
+    motion: Indices  # index of the nearest motion to each window
     distance: Array  # to the nearest window of the intended motion, mm (root mean square over joints)
-    place: NDArray[np.int64]  # index of that window
+    place: Indices  # index of that window
 
 
 class Matcher:
@@ -98,7 +97,7 @@ class Matcher:
         return float(np.sqrt(np.square(own - own.mean(0)).sum(1).mean() / self._joints))
 
 
-def rising_length(places: NDArray[np.int64]) -> int:
+def rising_length(places: Indices) -> int:
     """The length of the longest strictly rising subsequence."""
     tops: list[int] = []
     for place in places.tolist():

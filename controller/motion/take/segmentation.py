@@ -19,14 +19,13 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
 from controller.motion.canonical.canonical_body import to_canonical
 from controller.motion.canonical.clip_edits import STILL_SPEED, breaks, moving_part, span, thinned
 from controller.motion.clip import Clip, Decision, runs
 from controller.motion.encodings.joint_angles import angles_of
-from controller.motion.rotations import Array, conjugate, multiply, rotate, yaw
+from controller.motion.rotations import Array, Indices, conjugate, multiply, rotate, yaw
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.files import listed
 
@@ -104,7 +103,7 @@ def find_segments(poses: Array, rate: float, count: int | None = None) -> Bounds
 class _Costs:
     """What a segment costs between any two of N + 1 moments."""
 
-    def __init__(self, seen: Array, edges: NDArray[np.int64], rate: float) -> None:
+    def __init__(self, seen: Array, edges: Indices, rate: float) -> None:
         centred = seen - seen.mean(0)
         axes = np.linalg.eigh(centred.T @ centred)[1][:, ::-1][:, :DIRECTIONS]
         reduced = centred @ axes
@@ -114,7 +113,7 @@ class _Costs:
         self._sums = np.cumsum([np.zeros(size), *(part.sum(0) for part in parts)], axis=0)
         self._squares = np.cumsum([np.zeros((size, size)), *(part.T @ part for part in parts)], axis=0)
 
-    def __call__(self, starts: NDArray[np.int64], end: int) -> Array:
+    def __call__(self, starts: Indices, end: int) -> Array:
         count = (self.edges[end] - self.edges[starts]).astype(float)
         mean = (self._sums[end] - self._sums[starts]) / count[:, None]
         spread = (self._squares[end] - self._squares[starts]) / count[:, None, None]

@@ -8,11 +8,10 @@ long as two. Both are found from the steps of all joints while the body moves.
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from controller.motion.canonical.clip_edits import FASTEST_BODY, cubic, interpolated
 from controller.motion.clip import Clip, Decision
-from controller.motion.rotations import Array, continuous
+from controller.motion.rotations import Array, Flags, Indices, continuous
 from motiondeck_base.counted import counted
 
 SAME = 1e-7  # m: frames whose joints are this near are one frame held
@@ -37,7 +36,7 @@ BLOCK = 2000  # steps that are looked at together, for the sake of memory
 class Timing:
     """Which frames of a file were recorded, and when."""
 
-    frames: NDArray[np.int64]  # the frames that were recorded, shape (K,)
+    frames: Indices  # the frames that were recorded, shape (K,)
     at: Array  # when, in frames of the file, shape (K,)
     rate: float  # at which they were recorded, Hz
     decided: str = ""
@@ -62,9 +61,7 @@ def timing_of(points: Array, rate: float) -> Timing:
     return found or Timing(every, every.astype(float), rate)
 
 
-def _without_held(
-    same: NDArray[np.bool_], moves: NDArray[np.bool_], leaps: NDArray[np.bool_], rate: float
-) -> Timing | None:
+def _without_held(same: Flags, moves: Flags, leaps: Flags, rate: float) -> Timing | None:
     """The timing without held frames: of a pattern at its own rate, of single ones with a gap for each.
 
     `same` says whether each frame but the first is as the one before, `moves` whether the body moves there,
@@ -117,7 +114,7 @@ def _with_gaps(step: Array, rate: float) -> Timing | None:
     return Timing(np.arange(len(at)), at.astype(float), rate, decided, figures)
 
 
-def _as_those_beside(step: Array, rate: float) -> tuple[NDArray[np.bool_], Array, Array]:
+def _as_those_beside(step: Array, rate: float) -> tuple[Flags, Array, Array]:
     """Of inner steps of (S, K, 3): whether fast, how many times those beside it, deviation from that, (S - 2,) each."""
     beside = 0.5 * (step[:-2] + step[2:])
     square = np.square(beside).sum((1, 2))
@@ -149,7 +146,7 @@ def timed(clip: Clip, wanted: float | str) -> tuple[Clip, Decision]:
     return taken, Decision("rate", timing.decided, timing.evidence, overrule, notable=True)
 
 
-def _chosen(clip: Clip, frames: NDArray[np.int64], rate: float) -> Clip:
+def _chosen(clip: Clip, frames: Indices, rate: float) -> Clip:
     return replace(clip, rate=rate, root_position=clip.root_position[frames], rotation=clip.rotation[frames])
 
 
@@ -166,7 +163,7 @@ def _spread_out(clip: Clip, at: Array) -> Clip:
     return replace(clip, root_position=position, rotation=continuous(rotation))
 
 
-def _between(points: list[Array], time: list[Array], wanted: NDArray[np.int64]) -> Array:
+def _between(points: list[Array], time: list[Array], wanted: Indices) -> Array:
     """Cubics between the second and the third of four points with slopes over their neighbours, at uneven times."""
     shape = (-1, *[1] * (points[0].ndim - 1))
     before, start, end, after = (one.reshape(shape) for one in time)

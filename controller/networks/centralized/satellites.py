@@ -13,9 +13,8 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
-from controller.motion.rotations import Array
+from controller.motion.rotations import Array, Indices
 from motiondeck_base.errors import MotiondeckError
 
 
@@ -81,7 +80,7 @@ class GaussianSatellites:
 class HarmonicSatellites:
     """Cosines of the state (eq. 3)."""
 
-    orders: NDArray[np.int64]  # j, shape (m, d)
+    orders: Indices  # j, shape (m, d)
     base: float = 1.0  # b, the common factor, rad
 
     def __len__(self) -> int:
@@ -96,7 +95,7 @@ class HarmonicSatellites:
 class PolynomialSatellites:
     """Monomials of the state (eq. 6)."""
 
-    powers: NDArray[np.int64]  # the power of each coordinate, shape (m, d), >= 0
+    powers: Indices  # the power of each coordinate, shape (m, d), >= 0
 
     def __len__(self) -> int:
         return len(self.powers)
@@ -106,7 +105,7 @@ class PolynomialSatellites:
         return np.prod(states[..., None, :] ** self.powers, axis=-1)
 
 
-def lowest_orders(dimensions: int, count: int) -> NDArray[np.int64]:
+def lowest_orders(dimensions: int, count: int) -> Indices:
     """The first vectors of whole numbers >= 0 by their sum, shape (count, dimensions): orders for eqs 3 and 6."""
     reach = 1
     while reach**dimensions < count or len(_by_sum(dimensions, reach)) < count:
@@ -114,7 +113,7 @@ def lowest_orders(dimensions: int, count: int) -> NDArray[np.int64]:
     return _by_sum(dimensions, reach)[:count]
 
 
-def _by_sum(dimensions: int, reach: int) -> NDArray[np.int64]:
+def _by_sum(dimensions: int, reach: int) -> Indices:
     """All vectors with a sum below reach, in order of it."""
     grid = np.indices((reach,) * dimensions).reshape(dimensions, -1).T
     total = grid.sum(1)

@@ -6,9 +6,8 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
-from numpy.typing import NDArray
 
-from controller.motion.rotations import Array
+from controller.motion.rotations import Array, Indices
 from motiondeck_base.errors import FileFormatError
 
 
@@ -17,7 +16,7 @@ class TriangleMesh:
     """The triangles of a mesh file."""
 
     points: Array  # shape (V, 3), in the file's axes
-    faces: NDArray[np.int64]  # three points a triangle, counter-clockwise, shape (F, 3)
+    faces: Indices  # three points a triangle, counter-clockwise, shape (F, 3)
     y_up: bool = False  # whether the file's y axis is up
 
 
@@ -57,7 +56,7 @@ def _triangles(root: ElementTree.Element) -> TriangleMesh:
     else:
         primitives = [primitive for geometry in scene.objects("geometry") for primitive in geometry.primitives()]
     points: list[Array] = []
-    faces: list[NDArray[np.int64]] = []
+    faces: list[Indices] = []
     count = 0
     for primitive in primitives:
         if hasattr(primitive, "triangleset"):
