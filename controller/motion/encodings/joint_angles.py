@@ -9,6 +9,7 @@ round), and a difference of 1 mm of the body is one of 1 mrad of the angle. A fr
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import ClassVar, Self
 
 import numpy as np
@@ -20,7 +21,7 @@ from controller.motion.skeleton import ROOT, Skeleton, SkeletonInfo
 from motiondeck_base.errors import UnknownNameError
 
 _LEVER = 4.0  # m
-_SHARE = 1.0 / _LEVER  # of the joint's angle that the bone turns
+SHARE = 1.0 / _LEVER  # of the joint's angle that the bone turns
 
 
 class JointBody(Skeleton):
@@ -64,6 +65,11 @@ class JointAngles:
         """The number of channels of a frame."""
         return len(self.skeleton)
 
+    @cached_property
+    def half_turns(self) -> Array:
+        """Of each channel, half of what its bone turns for 1 rad, shape (J,)."""
+        return np.full(self.channels, 0.5 * SHARE)
+
     @property
     def velocities(self) -> slice:
         """The channels that are velocities: none."""
@@ -76,21 +82,21 @@ class JointAngles:
 
     def encode(self, clip: Clip) -> Array:
         """The angles of a clip, shape (T, J), rad."""
-        return angles_of(clip.rotation[:, 1:])
+        return angles_of(clip.rotation[:, 1:]) * (0.5 * SHARE / self.half_turns)
 
     def decode(self, channels: Array) -> Posture:
         """The postures of angles (..., J): 1 m high, at rest."""
         leading = channels.shape[:-1]
         rotation = np.zeros((*leading, 1 + self.channels, 4))
         rotation[..., 0, 0] = 1.0
-        half = 0.5 * _SHARE * channels  # as of `rotations.yaw`, in fewer calls
+        half = self.half_turns * channels  # as of `rotations.yaw`, in fewer calls
         np.cos(half, out=rotation[..., 1:, 0])
         np.sin(half, out=rotation[..., 1:, 3])
         return Posture(np.ones(leading), np.zeros((*leading, 2)), np.zeros(leading), rotation)
 
     def directions(self, channels: Array) -> Array:
         """Directions of the bones, shape (..., J, 3)."""
-        turned = _SHARE * channels
+        turned = 2.0 * self.half_turns * channels
         return np.stack([np.cos(turned), np.sin(turned), np.zeros_like(turned)], axis=-1)
 
     def height(self, channels: Array) -> Array:

@@ -13,12 +13,13 @@ it goes says how much of the motion has passed, at any tempo, which is what its 
 """
 
 from collections.abc import Sequence
+from functools import cached_property
 from math import cos, sin, sqrt
 from typing import ClassVar, Self
 
 import numpy as np
 
-from controller.motion.encodings.joint_angles import JointAngles, JointBody, angles_of
+from controller.motion.encodings.joint_angles import SHARE, JointAngles, JointBody, angles_of
 from controller.motion.posture import Pose, Posture
 from controller.motion.rotations import Array, conjugate, multiply, rotate, yaw
 from controller.motion.skeleton import SkeletonInfo
@@ -29,7 +30,9 @@ CLOCK = 0.01  # m a second of the motion; so slow that it counts nothing beside 
 _AXES = tuple(f"root {axis} {along}" for axis in ("ahead", "left") for along in "xyz")
 ROOT = ("root turn", "root forward", "root sideways", "root height", *_AXES)
 RATES = 3  # of ROOT, the first ones
-LIGHT = 0.1  # of rates in their channels: what a step does to them counts little beside the joints
+LIGHT = 0.1  # of rates in their channels
+LIGHTER = 0.1  # of rates as angles of the body, so that joins keep the limits of joints: rates change faster than these
+HALF = 0.5  # likewise of the axes: a root turns faster than joints do, but not twice as fast
 
 
 class RobotBody(JointBody):
@@ -57,6 +60,14 @@ class RobotJoints(JointAngles):
         if tuple(info.bones[-len(ROOT) :]) != ROOT:
             raise FileFormatError(f"its joints do not end in those of a root: {', '.join(ROOT)}")
         return cls(RobotBody.of(info.bones))
+
+    @cached_property
+    def half_turns(self) -> Array:
+        """Of each channel, half of what its bone turns for a unit, shape (C,)."""
+        half = np.full(self.channels, 0.5 * SHARE)
+        half[self.velocities] *= LIGHTER
+        half[-len(_AXES) :] *= HALF
+        return half
 
     @property
     def velocities(self) -> slice:
@@ -99,7 +110,7 @@ class RootPath:
         """The root's position, m, and quaternion with the next pose of a `RobotBody`, 7 numbers."""
         turn, forward, left, height, *axes = angles_of(pose.rotation[-len(ROOT) :]).tolist()
         clock = float(pose.root_position[0])
-        passed = (clock - self._clock) / (CLOCK * LIGHT) if self._clock is not None else 0.0
+        passed = (clock - self._clock) / (CLOCK * LIGHT * LIGHTER) if self._clock is not None else 0.0
         self._clock = clock
         self.heading += passed * turn
         cosine, sine = cos(self.heading), sin(self.heading)

@@ -8,6 +8,8 @@ import pytest
 
 from baked_jog import baked_jog, human_library
 from controller.deck.deck import Deck
+from controller.deck.joins.deck_motions import read_motions
+from controller.deck.layers import Layers
 from controller.library.motion_library import load_library, save_library
 from motiondeck.cli.main import command_line
 from motiondeck.run.baked_libraries import baked_file, find_baked
@@ -15,14 +17,22 @@ from motiondeck.run.baking import bake
 from motiondeck.run.spec.run_spec import RunSpec
 from motiondeck_base.errors import FileFormatError, MotiondeckError
 from motiondeck_base.shipped import find_robot
+from sim.models.robot_file import read_robot_file
+from sim.robots.joint_groups import joint_groups
 from sim.robots.robot import RobotLoader
 
 RATE = 200.0
 
 
-def played(library, robot, ticks=300):
+def played(library, robot, ticks=300, layers=()):
     deck, state, found = Deck(library, robot.retarget, "jog"), robot.model.qpos0.copy(), []
-    for _ in range(ticks):
+    if layers:
+        groups = joint_groups(robot, read_robot_file(find_robot("servo20")), library.skeleton)
+        deck.layers = Layers(library, robot.joints, groups, robot.twin)
+    for tick in range(ticks):
+        for at, *layer in layers:
+            if at == tick:
+                deck.layer(*layer)
         targets, pose = deck.update(1.0 / RATE)
         robot.place(np.clip(targets, robot.limits.lower, robot.limits.upper), pose, state)
         found.append(state.copy())
@@ -51,6 +61,35 @@ def test_baked_joints_are_seldom_faster_than_the_robot():
         shares.append(np.mean(speed > 1.05))
     assert shares[0] > 0.005
     assert shares[1] < 0.5 * shares[0]
+
+
+def joint_peaks(angles):
+    step = RATE * np.diff(angles, axis=0)
+    return np.abs(step).max(), RATE * np.abs(np.diff(step, axis=0)).max()
+
+
+def test_joins_keep_the_limits_of_the_joints_whatever_the_path_of_the_root_does():
+    baked = baked_jog()
+    angles = played(baked, RobotLoader(find_robot("servo20"))(baked.skeleton, None, 1.0 / RATE))[:, 7:]
+    motion = read_motions(baked)["jog"]
+    assert (motion.speed, motion.acceleration) == pytest.approx(joint_peaks(angles), rel=0.1)
+
+
+def test_layers_leave_other_joints_and_the_root_alone_and_come_and_go_within_the_limits_of_joins():
+    baked, loader = baked_jog(), RobotLoader(find_robot("servo20"))
+    said = [(20, "arms", "jog", 0.7, 0.5), (300, "head", "jog", 1.0, 2.0), (500, "off", "off")]
+    ways = [
+        played(baked, loader(baked.skeleton, None, 1.0 / RATE), 700, layers)
+        for layers in ((), [(0, "off", "off")], said)
+    ]
+    robot = loader(baked.skeleton, None, 1.0 / RATE)
+    above = robot.layout.hinge_qpos[:8]  # of head and arms
+    beside = np.setdiff1d(np.arange(robot.model.nq), above)
+    assert np.array_equal(ways[0], ways[1])
+    assert np.array_equal(ways[0][:, beside], ways[2][:, beside])
+    moved = np.abs(ways[0] - ways[2])[:, above].max(axis=0)
+    assert moved.min() > 0.01
+    assert (np.divide(joint_peaks(ways[2][:, 7:]), joint_peaks(ways[0][:, 7:])) <= [1.5, 2.0]).all()
 
 
 @pytest.fixture
