@@ -9,7 +9,7 @@ from sim.robots.fidelity import Carried
 from sim.robots.limb_causes import Cause, limb_causes
 from sim.robots.limb_directions import MEAN_LIMIT, WORST_LIMIT, LimbDirections
 from sim.robots.robot import Robot
-from sim.robots.verdict import LEGS_LEFT_OUT, Finding
+from sim.robots.verdict import LEGS_LEFT_OUT, Finding, limited
 
 REACH_LIMIT = 25.0  # largest mean angle of a limb that its joints cannot reach, degrees
 TRUNK_MEAN, TRUNK_WORST = 8.0, 20.0  # largest angles of the trunk, degrees
@@ -41,7 +41,13 @@ def segment_angles(robot: Robot, directions: LimbDirections, carried: Carried, r
 
 def carried_findings(robot: Robot, directions: LimbDirections, carried: Carried, rate: float) -> list[Finding]:
     """The findings, the worst of each check, of a motion at a rate, Hz."""
-    angles = segment_angles(robot, directions, carried, rate)
+    return findings_of(robot, directions, carried, segment_angles(robot, directions, carried, rate))
+
+
+def findings_of(
+    robot: Robot, directions: LimbDirections, carried: Carried, angles: Mapping[str, SegmentAngle]
+) -> list[Finding]:
+    """The same, of known angles of the segments."""
     causes = {name: off.cause for name, off in angles.items() if off.cause is not None}
     found = limb_findings({name: (off.mean, off.worst) for name, off in angles.items()}, causes)
     trunk = directions.trunk_errors(carried.qpos, carried.limbs)
@@ -49,6 +55,16 @@ def carried_findings(robot: Robot, directions: LimbDirections, carried: Carried,
     if not robot.has_legs:  # it leans with its waist alone
         return [*found, Finding(LEGS_LEFT_OUT, leaning[0], None, "deg of lean")]
     return [*found, _angle("trunk leans elsewhere", leaning, (TRUNK_MEAN, TRUNK_WORST), "")]
+
+
+def joint_findings(counts: Mapping[str, float]) -> list[Finding]:
+    """Those of the joints, from the counts of `joint_measures`."""
+    return [
+        limited("out of reach", counts["beyond"], 0.0, "targets"),
+        Finding("speed", 100.0 * counts["speed"], 100.0, "%", ok=not counts["too_fast"]),
+        limited("jumps", counts["jumps"], 0.0, "times"),
+        limited("broken", counts["bad"], 0.0, "", "NaN or infinite" * bool(counts["bad"])),
+    ]
 
 
 def limb_findings(off: Mapping[str, tuple[float, float]], causes: Mapping[str, str]) -> list[Finding]:

@@ -5,7 +5,7 @@ with a line is not retargeted again unless it has changed.
 """
 
 import json
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache, partial
 from pathlib import Path
@@ -24,14 +24,14 @@ from motiondeck_base.files import write_file
 from motiondeck_base.jobs import EVERY_CORE, Jobs, spread
 from sim.models.robot_file import Solver
 from sim.retargeting.robot_parts import SIDES
-from sim.robots.carried_findings import carried_findings
+from sim.robots.carried_findings import carried_findings, joint_findings
 from sim.robots.fidelity import floor_measures, followed, joint_measures
 from sim.robots.joint_motion import JointMotion, retargeted
 from sim.robots.limb_directions import LimbDirections
 from sim.robots.robot import Robot, RobotLoader
 from sim.robots.robot_digest import robot_digest
 from sim.robots.training_files import RATES, Format, ending, write_training_file
-from sim.robots.verdict import AT_ANY_TEMPO, Finding, RobotVerdict, fastest_passing, limited
+from sim.robots.verdict import Finding, RobotVerdict, limited, verdict_of
 
 MANIFEST = "motions.jsonl"
 SUNK_LIMIT = 0.005  # largest depth in the floor, m
@@ -185,7 +185,9 @@ def _carried(
         fitted, motion, measured, found = carry(clip)
         found += [Finding("broken", 1.0, 0.0, "", where, ok=False) for where in parted]
         known |= {"frames": len(motion), "fps": clip.rate, "notes": notes} | measured
-        known["verdict"] = verdict = _verdict(recording.stem, clip, carry, tuple(found))
+        known["verdict"] = verdict = verdict_of(
+            recording.stem, found, lambda tempo: carry(replace(clip, rate=tempo * clip.rate))[-1]
+        )
         marked = place if verdict.ok else place.with_suffix(MARK + place.suffix)
         (out / marked).parent.mkdir(parents=True, exist_ok=True)
         write_training_file(out / marked, fitted.model, motion.qpos, clip.rate, format)
@@ -207,25 +209,6 @@ def _write_names(file: Path, robot: Robot) -> None:
         write_file(file, "".join(f"{line}\n" for line in lines).encode())
 
 
-def _verdict(
-    name: str,
-    clip: Clip,
-    carry: Callable[[Clip], tuple[Robot, JointMotion, Any, list[Finding]]],
-    found: tuple[Finding, ...],
-) -> RobotVerdict:
-    """The verdict of findings at tempo 1; where these may pass more slowly, the tempo is found by carrying it anew."""
-    troubles = tuple(finding for finding in found if not finding.ok)
-    lasting = tuple(finding for finding in troubles if finding.check in AT_ANY_TEMPO)
-    if lasting or not troubles:
-        return RobotVerdict(name, found, None if lasting else 1.0, obstacles=lasting)
-
-    def passes(tempo: float) -> bool:
-        return all(finding.ok for finding in carry(replace(clip, rate=tempo * clip.rate))[-1])
-
-    tempo = fastest_passing(passes, 1.0)
-    return RobotVerdict(name, found, tempo, obstacles=troubles if tempo is None else ())
-
-
 def _carried_at(
     loader: RobotLoader, solver: Solver | None, clip: Clip
 ) -> tuple[Robot, JointMotion, dict[str, Any], list[Finding]]:
@@ -234,12 +217,7 @@ def _carried_at(
     motion = retargeted(robot, clip)
     carried = followed(clip, robot, motion.angles, motion.qpos)
     counts = joint_measures(clip, robot, carried)
-    found = [
-        limited("out of reach", counts["beyond"], 0.0, "targets"),
-        Finding("speed", 100.0 * counts["speed"], 100.0, "%", ok=not counts["too_fast"]),
-        limited("jumps", counts["jumps"], 0.0, "times"),
-        limited("broken", counts["bad"], 0.0, "", "NaN or infinite" * bool(counts["bad"])),
-    ]
+    found = joint_findings(counts)
     limbs: dict[str, tuple[float, float]] = {}
     floor = {"slide": 0.0, "sunk": 0.0}
     if file.parts:

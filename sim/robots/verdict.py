@@ -5,7 +5,7 @@ Each finding belongs to one question (`QUESTIONS`).
 """
 
 import tomllib
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from math import sqrt
 from pathlib import Path
 from typing import Any
@@ -105,6 +105,16 @@ class RobotVerdict(msgspec.Struct, frozen=True):
         fields |= {"ok": self.ok, "troubles": sorted({finding.check for finding in self.troubles})}
         answers = {question: self.answer_to(question) for question in QUESTIONS}
         return fields | {"answer": self.answer, "words": self.words, "answers": answers}
+
+
+def verdict_of(name: str, found: Sequence[Finding], at: Callable[[float], Iterable[Finding]]) -> RobotVerdict:
+    """The verdict of findings at tempo 1; where those at a slower tempo may pass, the fastest that does is searched."""
+    troubles = tuple(finding for finding in found if not finding.ok)
+    never = tuple(finding for finding in troubles if finding.check in AT_ANY_TEMPO)
+    if never or not troubles:
+        return RobotVerdict(name, tuple(found), None if never else 1.0, obstacles=never)
+    tempo = fastest_passing(lambda tempo: all(finding.ok for finding in at(tempo)), 1.0)
+    return RobotVerdict(name, tuple(found), tempo, obstacles=troubles if tempo is None else ())
 
 
 def summed(verdicts: Iterable[RobotVerdict]) -> str:

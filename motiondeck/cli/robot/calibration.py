@@ -13,7 +13,6 @@ from scipy.optimize import nnls
 from controller.library.motion_library import load_library
 from controller.loop.safety.safety_envelope import SafetyEnvelope
 from motiondeck.cli.common.tables import show_table
-from motiondeck.cli.robot.check import WHY
 from motiondeck.run.sampled_motions import as_clip
 from motiondeck_base.counted import counted
 from motiondeck_base.errors import MotiondeckError
@@ -190,7 +189,7 @@ def print_report(found: Calibration, file: Path, trial: CalibrationTrial) -> Non
     for cause in dict.fromkeys(trial.causes.values()):
         names = [name for name, why in trial.causes.items() if why == cause]
         kind = "error" if cause == "carried wrongly" else "warning"
-        print(f"{kind}: limbs point elsewhere than the human's {WHY[cause]}: {', '.join(names)}")
+        print(f"{kind}: limbs that point elsewhere than the human's, {cause}: {', '.join(names)}")
     if trial.causes:
         print(
             f"in one motion more than {MEAN_LIMIT:.0f} degrees on average or {WORST_LIMIT:.0f} at worst; "

@@ -1,6 +1,5 @@
 """`motiondeck robot check`: how well a robot follows recordings, one row each."""
 
-from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -17,27 +16,11 @@ from motiondeck_base.counted import counted
 from motiondeck_base.errors import MotiondeckError
 from sim.models.robot_file import Solver
 from sim.retargeting.robot_parts import SIDES
-from sim.robots.carried_findings import REACH_LIMIT, TRUNK_MEAN, TRUNK_WORST, segment_angles
-from sim.robots.fidelity import carry, floor_measures, joint_measures, shortfall
-from sim.robots.limb_causes import Cause
+from sim.robots.carried_findings import SegmentAngle, findings_of, joint_findings, segment_angles
+from sim.robots.fidelity import Carried, carry, floor_measures, joint_measures, shortfall
 from sim.robots.limb_directions import LimbDirections, beyond_limits
-from sim.robots.robot import RobotLoader
-from sim.robots.verdict import REMEDIES, fastest_passing
-
-MUST_BE_ZERO = {
-    "bad": "targets that are NaN or infinite",
-    "beyond": "targets beyond a joint's range",
-    "too_fast": "steps faster than a joint may go",
-    "jumps": "a joint jumps where the human does not",
-}
-OUT_OF_REACH: Cause = "out of reach"
-HELD_BACK: Cause = "held back"
-WHY: dict[str, str] = {
-    OUT_OF_REACH: "because the joints cannot reach",
-    HELD_BACK: "because limits of speed hold joints back",
-    "carried wrongly": "though joints could turn there ([parts] of the robot file may be wrong)",
-}
-NAMED = 3  # recordings that the verdict names
+from sim.robots.robot import Robot, RobotLoader
+from sim.robots.verdict import REMEDIES, Finding, summed, verdict_of
 
 
 def recordings(paths: Sequence[Path]) -> list[Path]:
@@ -53,7 +36,7 @@ def recordings(paths: Sequence[Path]) -> list[Path]:
 
 
 def check(robot: Path, files: Sequence[Path], solver: Solver | None, seconds: float | None) -> Iterator[dict[str, Any]]:
-    """One row a recording: `clip`, and `unread`, or its `frames` and `error` or the measures of `sim.robots.fidelity`.
+    """One row a recording: `clip` and `unread`, or `frames` and `error`, or its `verdict` and measures.
 
     Of each the first seconds count, or all of it. A pose for reference before the motion is left out; `left_out` says
     how many frames that was.
@@ -73,47 +56,17 @@ def check(robot: Path, files: Sequence[Path], solver: Solver | None, seconds: fl
             yield {"clip": str(file), "frames": len(clip), "error": f"{type(error).__name__}: {error}"}
 
 
-def faults(row: dict[str, Any]) -> list[str]:
-    """Why a recording fails the check; nothing if it passes."""
-    if "unread" in row:
-        return ["cannot be read"]
-    if "error" in row:
-        return ["cannot be carried onto the robot"]
-    found = [words for name, words in MUST_BE_ZERO.items() if row[name]]
-    found += ["the trunk leans elsewhere"] * bool(_leaning(row))
-    return found + [f"limbs point elsewhere {WHY[cause]}" for cause in off_limits(row) if _fails(row, cause)]
+def passes(row: dict[str, Any]) -> bool:
+    """Whether a recording was read and carried, and the robot plays it as it is."""
+    return "verdict" in row and row["verdict"].ok
 
 
-def _fails(row: dict[str, Any], cause: str) -> bool:
-    """Whether limbs that point elsewhere for a cause fail the check."""
-    far = (off["mean"] > REACH_LIMIT for off in row["limbs_deg"].values() if off.get("cause") == cause)
-    return cause != OUT_OF_REACH or any(far)
-
-
-def _leaning(row: dict[str, Any]) -> str:
-    """A phrase for a trunk beyond its limits, or nothing."""
-    off = row.get("trunk_deg", {"mean": 0.0, "worst": 0.0})
-    within = off["mean"] <= TRUNK_MEAN and off["worst"] <= TRUNK_WORST
-    return (
-        ""
-        if within
-        else f"the trunk leans elsewhere, {off['mean']:.0f} degrees on average, {off['worst']:.0f} at worst"
-    )
-
-
-def verdict(rows: Sequence[dict[str, Any]]) -> str:
-    """One line: PASSED, or FAILED with the number of recordings for each reason."""
-    found = [faults(row) for row in rows]
-    failed = [words for words in found if words]
-    if not failed:
-        short = sum(OUT_OF_REACH in off_limits(row) for row in rows)
-        beside = f"; in {short}, limbs point elsewhere {WHY[OUT_OF_REACH]}" if short else ""
-        return f"PASSED: {len(rows)} of {counted(len(rows), 'recording')}{beside}"
-    reasons = Counter(reason for words in failed for reason in words)
-    counts = "; ".join(f"{reason}: {count}" for reason, count in reasons.most_common())
-    names = [Path(row["clip"]).name for row, words in zip(rows, found, strict=True) if words]
-    more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
-    return f"FAILED: {len(failed)} of {counted(len(rows), 'recording')} ({', '.join(names[:NAMED])}{more}). {counts}"
+def answer(rows: Sequence[dict[str, Any]]) -> str:
+    """One line: "5 recordings: 3 play, 1 at a slower tempo, 1 not read"."""
+    counts = {"not read": "unread", "failed": "error"}
+    found = [f"{count} {words}" for words, key in counts.items() if (count := sum(key in row for row in rows))]
+    verdicts = summed(row["verdict"] for row in rows if "verdict" in row)
+    return f"{counted(len(rows), 'recording')}: {', '.join(filter(None, (verdicts, *found)))}"
 
 
 def off_limits(row: dict[str, Any]) -> dict[str, list[str]]:
@@ -128,24 +81,22 @@ def off_limits(row: dict[str, Any]) -> dict[str, list[str]]:
 
 def remarks(rows: Sequence[dict[str, Any]]) -> list[str]:
     """A line for each problem of a recording, then what to do about each kind."""
-    found, causes = [], set[str]()
+    found, checks = [], dict[str, None]()
     for row in rows:
         clip = row["clip"]
-        if "unread" in row or "error" in row:
+        if "verdict" not in row:
             found.append(
                 f"{'not read' if 'unread' in row else 'failed'}: {clip}: {row.get('unread', row.get('error'))}"
             )
             continue
         if row["left_out"]:
             found.append(f"a pose before the motion is left out: {clip}, frames: {row['left_out']}")
-        found += [f"fails: {clip}: {row[name]:.0f} x {words}" for name, words in MUST_BE_ZERO.items() if row[name]]
-        found += [f"fails: {clip}: {words}"] if (words := _leaning(row)) else []
-        for cause, phrases in off_limits(row).items():
-            causes.add(cause)
-            kind = "fails" if _fails(row, cause) else "passes"
-            slower = f"; {_slower(row['tempo'])}" if cause == HELD_BACK else ""
-            found.append(f"{kind}: {clip}: limbs point elsewhere, {cause}: {'; '.join(phrases)}{slower}")
-    return found + [f"{cause}: {what}" for cause, what in REMEDIES.items() if cause in causes]
+        limbs = off_limits(row)
+        if limbs or not passes(row):
+            found.append(f"{clip}: {row['verdict'].words}")
+        found += [f"{clip}: {cause}: {'; '.join(phrases)}" for cause, phrases in limbs.items()]
+        checks |= dict.fromkeys((*limbs, *(finding.check for finding in row["verdict"].troubles)))
+    return found + [f"{check}: {REMEDIES[check]}" for check in checks]
 
 
 def print_rows(rows: list[dict[str, Any]]) -> None:
@@ -182,47 +133,49 @@ def _degrees(limbs: dict[str, dict[str, float]], segment: str) -> str:
     return f"{max(one['mean'] for one in both):.0f}/{max(one['worst'] for one in both):.0f}" if both else ""
 
 
-def _slower(tempo: float | None) -> str:
-    """A phrase for the fastest tempo at which joints are fast enough."""
-    return "no tempo would do" if tempo is None else f"at tempo {tempo:.2f} none is held back"
-
-
 def _measured(load: RobotLoader, clip: Clip, left_out: int, solver: Solver | None) -> dict[str, Any]:
     file = load.file
     solver = None if file.kind == "mannequin" else solver
-    loaded = load(clip.skeleton, solver, 1.0 / clip.rate)
-    carried = carry(clip, loaded, SafetyEnvelope)
-    measures: dict[str, Any] = joint_measures(clip, loaded, carried) | shortfall(loaded)
+    loaded, carried, counts, angles, found = _carried(load, clip, solver)
+    measures: dict[str, Any] = counts | shortfall(loaded)
     if file.parts:
-        directions = LimbDirections(loaded.model, file.parts, np.array(file.root_rotation))
         measures["limbs_deg"] = segments = dict[str, dict[str, Any]]()
-        for name, off in segment_angles(loaded, directions, carried, clip.rate).items():
+        for name, off in angles.items():
             at = (left_out + off.worst_at) / clip.rate
             segments[name] = {"mean": off.mean, "worst": off.worst, "worst_at_s": at}
             if off.best is not None:
                 segments[name] |= {"cause": off.cause, "best_mean": off.best[0], "best_worst": off.best[1]}
         if loaded.has_legs:
-            trunk = directions.trunk_errors(carried.qpos, carried.limbs)
+            trunk = _directions(load, loaded).trunk_errors(carried.qpos, carried.limbs)
             measures["trunk_deg"] = {"mean": float(trunk.mean()), "worst": float(trunk.max())}
         feet = {
             side: loaded.model.body(file.parts[f"{side}_foot"]).id for side in SIDES if f"{side}_foot" in file.parts
         }
         measures |= floor_measures(clip, loaded, carried.qpos, feet)
-        if any(off.get("cause") == HELD_BACK for off in segments.values()):
-            measures["tempo"] = _fast_enough(load, directions, clip, solver)
-    return measures
+
+    def slower(tempo: float) -> list[Finding]:
+        return _carried(load, replace(clip, rate=tempo * clip.rate), solver)[-1]
+
+    return measures | {"verdict": verdict_of(clip.name, found, slower)}
 
 
-def _fast_enough(load: RobotLoader, directions: LimbDirections, clip: Clip, solver: Solver | None) -> float | None:
-    """The fastest tempo at which limbs point elsewhere only because joints cannot reach, found by carrying; or None."""
+def _directions(load: RobotLoader, robot: Robot) -> LimbDirections:
+    return LimbDirections(robot.model, load.file.parts, np.array(load.file.root_rotation))
 
-    def does(tempo: float) -> bool:
-        slow = replace(clip, rate=tempo * clip.rate)
-        robot = load(slow.skeleton, solver, 1.0 / slow.rate)
-        found = segment_angles(robot, directions, carry(slow, robot, SafetyEnvelope), slow.rate)
-        return all(off.cause in (None, OUT_OF_REACH) for off in found.values())
 
-    return fastest_passing(does, 1.0)
+def _carried(
+    load: RobotLoader, clip: Clip, solver: Solver | None
+) -> tuple[Robot, Carried, dict[str, float], dict[str, SegmentAngle], list[Finding]]:
+    """A clip on the robot, with the measures of its joints, the angles of its limbs, and the findings."""
+    robot = load(clip.skeleton, solver, 1.0 / clip.rate)
+    carried = carry(clip, robot, SafetyEnvelope)
+    counts = joint_measures(clip, robot, carried)
+    found, angles = joint_findings(counts), dict[str, SegmentAngle]()
+    if load.file.parts:
+        directions = _directions(load, robot)
+        angles = segment_angles(robot, directions, carried, clip.rate)
+        found += findings_of(robot, directions, carried, angles)
+    return robot, carried, counts, angles, found
 
 
 def _shortened(clip: Clip, seconds: float | None) -> Clip:

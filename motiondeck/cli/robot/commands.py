@@ -243,11 +243,11 @@ def check(
 ) -> None:
     """Measure how well a robot follows recordings.
 
-    Each recording is retargeted and has a row in the table. The last line says PASSED, or FAILED and why; lines above
-    it name recording, limb, degrees and what to do. A recording fails if it cannot be read, if one of these counts is
-    not zero, or if a limb points further off than 15 degrees on average or 45 at worst though its joints' ranges would
-    let it come closer: bad (NaN or infinite), beyond (targets outside a joint's range), fast (steps faster than a joint
-    may go), jumps (a joint goes far in one frame though the human does not). The exit code is 1 if one fails.
+    Each recording is retargeted and has a row in the table. The last line counts the verdicts: how many play, play at a
+    slower tempo, do not fit; lines above it give the verdict of each that does not play as it is, with limbs, degrees
+    and what to do. A recording plays if these counts are zero, and limbs and trunk point as the human's do, as far as
+    joints reach: bad (NaN or infinite), beyond (targets outside a joint's range), fast (steps faster than a joint
+    may go), jumps (a joint goes far in one frame though the human does not). The exit code is 1 if one does not.
 
     changed is the share of targets that the safety envelope had to slow down. short and worst are how far inverse
     kinematics missed the ends of the limbs (rms and worst, mm); past is how many goals of the angle solver lay outside
@@ -260,8 +260,8 @@ def check(
       motiondeck robot check servo20 recordings/ --solver ik
       motiondeck robot check op3.toml walk.bvh jog.amc --json
     """
+    from motiondeck.cli.robot.check import answer, passes, print_rows, recordings
     from motiondeck.cli.robot.check import check as rows_of
-    from motiondeck.cli.robot.check import faults, print_rows, recordings, verdict
     from motiondeck.run.spec.run_spec import check_seconds
     from motiondeck_base.progress import progress
     from sim.models.robot_file import solver_named
@@ -276,10 +276,10 @@ def check(
             rows.append(row)
             tick()
     if as_json:
-        judged = [row | {"faults": faults(row)} for row in rows]
-        print(json.dumps({"robot": robot, "solver": solver, "verdict": verdict(rows), "recordings": judged}))
+        judged = [row | {"verdict": row["verdict"].row()} if "verdict" in row else row for row in rows]
+        print(json.dumps({"robot": robot, "solver": solver, "verdict": answer(rows), "recordings": judged}))
     else:
         print_rows(rows)
-        print(verdict(rows))
-    if any(faults(row) for row in rows):
+        print(answer(rows))
+    if not all(map(passes, rows)):
         raise typer.Exit(1)

@@ -34,7 +34,7 @@ def checked(files, robot="full.toml"):
 
 def test_a_deep_bend_passes_though_its_root_has_a_pitched_zero(files):
     code, row = checked(files)
-    assert code == 0, row["faults"]
+    assert code == 0, row["verdict"]["words"]
     assert row["trunk_deg"]["worst"] < 2.0
     assert max(row["limbs_deg"][f"{side}_forearm"]["mean"] for side in "rl") < 3.0
 
@@ -53,7 +53,7 @@ def test_a_frozen_trunk_fails(files, monkeypatch):
     monkeypatch.setattr(RobotTrunk, "rotation", lambda self, pose: np.array([1.0, 0.0, 0.0, 0.0]))
     code, row = checked(files)
     assert code == 1
-    assert "the trunk leans elsewhere" in row["faults"]
+    assert "trunk leans elsewhere" in row["verdict"]["troubles"]
     assert row["trunk_deg"]["worst"] > 50.0
 
 
@@ -68,7 +68,7 @@ def test_a_chest_one_joint_short_fails(files, monkeypatch):
     monkeypatch.setattr(human_limbs, "_way_to", short)
     code, row = checked(files)
     assert code == 1
-    assert "the trunk leans elsewhere" in row["faults"]
+    assert "trunk leans elsewhere" in row["verdict"]["troubles"]
 
 
 @pytest.mark.thorough
@@ -78,11 +78,13 @@ def test_what_is_held_back_by_speed_has_a_tempo_at_which_it_is_not(files):
     code, row = checked(files, "slow.toml")
     assert code == 1
     assert "held back" in {off.get("cause") for off in row["limbs_deg"].values()}
-    assert 0.1 < row["tempo"] < 1.0
+    slower = row["verdict"]["passes_at"]
+    assert 0.1 < slower < 1.0
     said = invoked("robot", "check", files / "slow.toml", files / "deposit.bvh", "--seconds", "1.5").stdout
-    assert f"at tempo {row['tempo']:.2f} none is held back" in said
+    assert f": at tempo {slower:.2f} (held back: " in said
+    assert said.strip().splitlines()[-1] == "1 recording: 1 at a slower tempo"
     bend = (files / "deposit.bvh").read_text()
-    for tempo, passes in ((0.98 * row["tempo"], True), (1.3 * row["tempo"], False)):
+    for tempo, passes in ((0.98 * slower, True), (1.3 * slower, False)):
         (frame_time,) = re.findall(r"Frame Time: (\S+)", bend)
         longer = f"{float(frame_time) / tempo:.8f}"
         (files / "slower.bvh").write_text(bend.replace(frame_time, longer))
