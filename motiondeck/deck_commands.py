@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Generic, Literal, TypeVar
 
 from controller.wire.messages import commands
+from controller.wire.messages.arguments import HELD
 from controller.wire.messages.commands import DeckCommand
 from controller.wire.messages.lock_state import LockState
 from controller.wire.messages.replies import State as DeckStatus
@@ -92,9 +93,21 @@ class DeckCommands(ABC, Generic[Commanded]):
         """The present values of the inputs that motions have besides the phase, such as speed."""
         return self.status().inputs
 
-    def set_input(self, name: str, value: float) -> None:
-        """Changes an input within a second. CommandError if no motion has it, or for a value that was not learned."""
-        self._request(commands.SetInput(name, value))
+    def set_input(self, name: str, value: float = 0.0, seconds: float = HELD) -> None:
+        """Changes an input of motions within a second, or gives joints a live value.
+
+        [How joints follow it](docs/deck.md#live-values). CommandError for an unknown name, or a value out of range.
+
+        Args:
+            name: of an input that motions have, of a joint or a group of joints, or "off", which ends all live values.
+            value: of joints from -1 (their lower limit) over 0 (the angle 0) to 1 (their upper limit).
+            seconds: how long joints are held without a further value.
+        """
+        self._request(commands.SetInput(name, value, seconds))
+
+    def gaze(self, left: float, up: float, ahead: float = 1.0, seconds: float = HELD) -> None:
+        """Looks at a point, in m from the eyes, for some seconds; CommandError if no joints are known to look with."""
+        self._request(commands.Gaze(left, up, ahead, seconds))
 
     def layer(self, group: str, motion: str = "off", weight: float = 1.0, tempo: float = 1.0) -> None:
         """Plays a motion on a group of joints over the rest, with a weight from 0 to 1; "off" ends it, or all layers.

@@ -35,7 +35,7 @@ from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.shipped import find_library
 from sim.models.robot_file import read_robot_file, solver_named
 from sim.robots.catalogue import find_robot
-from sim.robots.joint_groups import joint_groups
+from sim.robots.joint_groups import gaze_gains, joint_groups
 from sim.robots.robot import load_robot
 
 __all__ = ["CommandedSwitch", "Deck"]
@@ -118,7 +118,8 @@ class Deck(DeckCommands[CommandedSwitch]):
         self._rate, self._ticks = rate, 0
         self._deck = PlayingDeck(model, self._robot.retarget, first)
         groups = joint_groups(self._robot, read_robot_file(file), model.skeleton)
-        self._deck.layers = Layers(model, self.joints, groups, self._robot.twin)
+        gaze = gaze_gains(self._robot, groups)
+        self._deck.layers = Layers(model, self.joints, self.limits, groups, self._robot.twin, gaze=gaze)
         self._source = Source(self._deck, 1.0 / rate)
         self._stop = StopRequest()
         self._commanded_run = CommandedRun(self._deck)

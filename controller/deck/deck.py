@@ -6,11 +6,12 @@ joints. The loop calls `update` once a tick, and commands in between. The `switc
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 from controller.deck.interfaces import Retargeter
 from controller.deck.joins.joining import Joining
-from controller.deck.layers import Layers
+from controller.deck.layers import OFF, Layers
+from controller.deck.live_values import LiveValues
 from controller.deck.lockable import Lockable
 from controller.deck.locks.lock import LoopPlace
 from controller.deck.performance import Performance
@@ -21,7 +22,7 @@ from controller.library.motion_library import MotionLibrary
 from controller.motion.posture import Pose, Posture
 from controller.motion.rotations import Array
 from controller.networks.base import Activation
-from controller.wire.messages.arguments import PHASE, TEMPO
+from controller.wire.messages.arguments import HELD, PHASE, TEMPO
 from controller.wire.messages.blends import blend_weights
 from controller.wire.messages.events import Event
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
@@ -107,7 +108,7 @@ class Deck(Lockable):
 
     @property
     def layered(self) -> dict[str, str]:
-        """The motion of each group of joints that has a layer."""
+        """The motion of each group of joints that has a layer, and `live` for joints that follow live values."""
         return self.layers.playing if self.layers is not None else {}
 
     @property
@@ -217,15 +218,43 @@ class Deck(Lockable):
             self.require_phase()
         super().set_tempo(factor, over)
 
-    def set_input(self, name: str, value: float) -> None:
-        """Changes an input, such as speed, within a second; UnknownNameError, or MotiondeckError out of range."""
-        self._inputs.command(name, value)
+    def set_input(self, name: str, value: float, seconds: float = HELD) -> None:
+        """Changes an input of motions, such as speed, within a second, or gives joints a live value for some seconds.
+
+        UnknownNameError, or MotiondeckError out of range. "off" ends all live values.
+        """
+        if self.layers is None or name in self._inputs.present:
+            self._inputs.command(name, value)
+        elif name == OFF:
+            self.layers.live.end()
+        elif name not in self.layers.groups:
+            raise UnknownNameError.among("input or group", name, [*self._inputs.present, *self.layers.groups, OFF])
+        else:
+            self._live(lambda live: live.set(name, value, seconds))
+
+    def gaze(self, left: float, up: float, ahead: float = 1.0, seconds: float = HELD) -> None:
+        """Looks at a point for some seconds; see `LiveValues.gaze`."""
+        self._live(lambda live: live.gaze(left, up, ahead, seconds))
+
+    def _live(self, give: Callable[[LiveValues], None]) -> None:
+        layers = self._layers
+        before = [*layers.live.following]
+        give(layers.live)
+        if [*layers.live.following] != before:  # of a stream only the first value is an event
+            self._tell_layers()
 
     def layer(self, group: str, motion: str, weight: float = 1.0, tempo: float = 1.0) -> None:
         """Plays a motion on a group of joints over what else is played; see `Layers.play`."""
+        self._layers.play(group, motion, weight, tempo, over=self.playing)
+        self._tell_layers()
+
+    @property
+    def _layers(self) -> Layers:
         if self.layers is None:
             raise MotiondeckError("there are no layers here: this deck drives no named joints")
-        self.layers.play(group, motion, weight, tempo, over=self.playing)
+        return self.layers
+
+    def _tell_layers(self) -> None:
         text = ", ".join(f"{group}: {motion}" for group, motion in self.layered.items()) or "no layers"
         self.events.append(Event("layer", text, self.motion, self.time))
 
@@ -267,7 +296,8 @@ class Deck(Lockable):
         self.pose = playing.finish_tick()
         targets = self._retarget(self.pose)
         if self.layers is not None:
-            targets = self.layers(targets, dt, tempo, settled=self.settled and not playing.tracks.crossing)
+            settled = self.settled and not playing.tracks.crossing
+            targets = self.layers(targets, dt, tempo, settled=settled, still=self.paused)
         if self._lock is not None:
             self._note(targets)
         return targets, self.pose

@@ -4,28 +4,24 @@ A layer is mixed into the joint targets q of the deck on the joints of its group
 
     q <- q + s (p - q),
 
-where p are the targets of its motion and s its share, which goes to the layer's weight. All other targets stay as
-they are, bit for bit. While s changes both motions play on, so the speed of a joint is a mean of theirs plus
-s' (p - q), and its acceleration one of theirs plus 2 s' (p - q)' + s'' (p - q). The pace s' is kept so low that these
-stay within the limits of a join: with V and A, the largest speed and acceleration of joints in both motions,
-
-    |s'| <= 0.4 V / d,    |s'| <= A / 8 V,    |s''| <= 0.45 A / d,
-
-where d is the largest |p - q| of the layer so far.
+where p are the targets of its motion and s its share, which goes to the layer's weight (see `share`). All other
+targets stay as they are, bit for bit. While s changes both motions play on.
 
 Of layers that share a joint one at a time changes its share, the latest first, and none while the deck joins motions.
+Live values come over all layers.
 """
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from math import copysign, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.deck.interfaces import Retargeter
+from controller.deck.interfaces import JointLimits, Retargeter
 from controller.deck.joins.deck_motions import LEAST_ACCELERATION, LEAST_SPEED, Motion, read_motions
+from controller.deck.live_values import Gains, LiveValues
 from controller.deck.performance import at_origin
+from controller.deck.share import Share
 from controller.deck.tempo import TEMPO_RATE
 from controller.deck.tracks.track import Track
 from controller.library.motion_library import MotionLibrary
@@ -34,13 +30,11 @@ from controller.motion.skeleton import Skeleton
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
 
 OFF = "off"  # in place of a group or a motion
-FASTER, TURNS, HARDER = 0.4, 8.0, 0.45  # as above
-QUICKEST, SHARPEST = 3.0, 20.0  # of the pace of a share, 1/s, and its change, 1/s^2
 MOST_VOICES = 16
 
 
 @dataclass(eq=False)
-class Voice:
+class Voice(Share):
     """One motion on the joints of a group."""
 
     group: str
@@ -49,17 +43,6 @@ class Voice:
     retarget: Retargeter
     tempo: float  # times that of the deck
     commanded_tempo: float  # what the present one follows
-    goal: float  # of its share
-    speed: float  # the largest of a joint in what it joins, rad/s
-    acceleration: float  # likewise, rad/s^2
-    farthest: float = 1e-6  # that it has been from what is beneath, rad
-    share: float = 0.0
-    pace: float = 0.0  # of the share, 1/s
-
-    @property
-    def arrived(self) -> bool:
-        """Whether its share is at its goal."""
-        return self.share == self.goal
 
     def mixed(self, beneath: Array, dt: float, tempo: float, *, may_change: bool) -> Array:
         """Targets of its joints (G,), rad, dt seconds later, over those beneath."""
@@ -68,53 +51,44 @@ class Voice:
         own = self.retarget(at_origin(self.track.step(dt, tempo * self.tempo)))[self.joints]
         apart = own - beneath
         if not self.arrived or self.pace:
-            self._approach(float(np.abs(apart).max()), dt, may_change=may_change)
+            self.approach(float(np.abs(apart).max()), dt, may_change=may_change)
         return beneath + self.share * apart
-
-    def _approach(self, apart: float, dt: float, *, may_change: bool) -> None:
-        # By the largest distance so far: a pace that the present one allows could not end in time when it grows.
-        left, self.farthest = self.goal - self.share, max(apart, self.farthest)
-        slew = min(SHARPEST, HARDER * self.acceleration / self.farthest)
-        most = min(QUICKEST, FASTER * self.speed / self.farthest, self.acceleration / (TURNS * self.speed))
-        wanted = copysign(min(most, sqrt(slew * abs(left))), left) if may_change else 0.0
-        change = min(max(wanted - self.pace, -slew * dt), slew * dt)
-        self.pace = min(max(self.pace + change, -most), most)
-        step = self.pace * dt
-        if abs(left) <= max(abs(step), 1e-9) and step * left >= 0.0 and may_change:
-            self.share, self.pace = self.goal, 0.0
-        else:
-            self.share = min(max(self.share + step, 0.0), 1.0)
 
 
 class Layers:
     """The layers of a deck that plays a library on named joints.
 
     Args:
+        limits: of the joints.
         groups: the joints of each group; every joint is a group too.
         twin: makes a copy of the deck's retargeter as it is now.
         refusal: why the robot can have none, or "".
+        gaze: the angle of each joint that takes part in a gaze, per angle to the left and up.
     """
 
     def __init__(
         self,
         library: MotionLibrary,
         joints: Sequence[str],
+        limits: JointLimits,
         groups: Mapping[str, Sequence[str]],
         twin: Callable[[], Retargeter],
         refusal: str = "",
+        gaze: Gains | None = None,
     ) -> None:
         self._library, self._twin, self._refusal = library, twin, refusal
         self._motions = read_motions(library)
         named = {joint: (joint,) for joint in joints} | dict(groups)
         self.groups = {name: np.array([joints.index(one) for one in group]) for name, group in named.items()}
+        self.live = LiveValues(joints, limits, self.groups, gaze or {}, refusal)
         self._voices: list[Voice] = []  # the lowest first
         self._first = Track(library, self._motions)
         self._idle = [self._first]
 
     @property
     def playing(self) -> dict[str, str]:
-        """The motion of each group that has a layer."""
-        return {voice.group: voice.track.motion.name for voice in self._voices if voice.goal}
+        """The motion of each group that has a layer, and `live` for each joint that follows live values."""
+        return {voice.group: voice.track.motion.name for voice in self._voices if voice.goal} | self.live.following
 
     def play(self, group: str, motion: str, weight: float = 1.0, tempo: float = 1.0, *, over: str) -> None:
         """Plays a motion on a group over the deck's motion `over`; OFF ends the layer of a group, or all.
@@ -143,12 +117,19 @@ class Layers:
         speed, acceleration = (max(values) for values in zip(*peaks, strict=True))
         self._end(group)
         joints = self.groups[group]
-        self._voices.append(Voice(group, joints, track, self._twin(), tempo, tempo, weight, speed, acceleration))
+        peak = {"speed": speed, "acceleration": acceleration}
+        self._voices.append(Voice(group, joints, track, self._twin(), tempo, tempo, goal=weight, **peak))
 
-    def __call__(self, targets: Array, dt: float, tempo: float, *, settled: bool) -> Array:
-        """Targets (J,), rad, dt seconds later at a tempo, with the layers; the deck joins nothing if it is settled."""
-        if not self._voices:
-            return targets
+    def __call__(self, targets: Array, dt: float, tempo: float, *, settled: bool, still: bool = False) -> Array:
+        """Targets (J,), rad, dt seconds later at a tempo, with the layers.
+
+        The deck joins nothing if it is settled. Joints with live values are held if it is to stand still.
+        """
+        if self._voices:
+            targets = self._mixed(targets, dt, tempo, settled)
+        return self.live(targets, dt, still=still) if self.live.joints else targets
+
+    def _mixed(self, targets: Array, dt: float, tempo: float, settled: bool) -> Array:
         mixed = targets.copy()
         moving, waiting = np.zeros((2, len(targets)), dtype=np.int64)  # how many voices change, or are to, by joint
         for voice in self._voices:

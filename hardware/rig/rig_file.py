@@ -31,6 +31,13 @@ class FollowConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     learn: bool = False  # whether what they are still off, in each motion and phase, is learned while they play
 
 
+class GazeConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """How joints look somewhere: the angle of each per angle of the gaze."""
+
+    pan: dict[str, float] = {}  # to the left
+    tilt: dict[str, float] = {}  # up
+
+
 class RigConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A rig file's contents."""
 
@@ -50,6 +57,7 @@ class RigConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     reconnect_s: Annotated[float, msgspec.Meta(ge=0, le=3600)] = 10.0
     follow: FollowConfig = FollowConfig()  # how joints follow their targets
     groups: dict[str, tuple[str, ...]] = {}  # joints that layers play on, by the name of their group
+    gaze: GazeConfig = GazeConfig()  # how joints look somewhere
     model: str = ""  # an MJCF or URDF file with these joints, relative to this file's folder, to show the rig
 
     def __post_init__(self) -> None:

@@ -168,9 +168,11 @@ def _assemble(opening: ExitStack, stop: StopRequest, spec: RunSpec, played: Play
         deck.layers = Layers(
             played.source,
             joints,
+            all_limits([robot.limits for robot in robots]),
             groups,
             lambda: together([robot.simulation.robot.twin() for robot in robots]),
             "".join(refusals[:1]),
+            {robot.prefix + joint: gains for robot in robots for joint, gains in robot.gaze.items()},
         )
     correction = _correction(opening, spec, played, robots, deck, lead, clock.period)
     watch = _watch(spec, played, first, channels[0])

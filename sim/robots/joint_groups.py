@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 
+import mujoco
 import numpy as np
 
 from controller.motion.anatomy import anatomy
@@ -20,13 +21,34 @@ _OF_PARTS = {
 }  # fmt: skip
 
 
-def named_groups(where: str, joints: tuple[str, ...], named: Mapping[str, tuple[str, ...]]) -> Groups:
-    """The groups that a file names, `where` for errors; UnknownNameError if one has a joint that there is not."""
+def named_groups(
+    where: str, joints: tuple[str, ...], named: Mapping[str, tuple[str, ...]], table: str = "groups."
+) -> Groups:
+    """The groups that a table of a file names; UnknownNameError if one has a joint that there is not."""
     for group, members in named.items():
         for joint in members:
             if joint not in joints:
-                raise UnknownNameError(f"{where}: groups.{group}: {UnknownNameError.among('joint', joint, joints)}")
+                raise UnknownNameError(f"{where}: {table}{group}: {UnknownNameError.among('joint', joint, joints)}")
     return dict(named)
+
+
+def gaze_gains(robot: Robot, groups: Mapping[str, tuple[str, ...]]) -> dict[str, tuple[float, float]]:
+    """How the joints of a robot's head look somewhere: the angle of each per angle to the left and up.
+
+    They turn the head by these angles about z and against y, with the least squares of their own.
+    """
+    model, data = robot.model, mujoco.MjData(robot.model)
+    mujoco.mj_kinematics(model, data)
+    names = groups.get("head", ())
+    axes = np.zeros((3, len(names)))
+    for column, name in enumerate(names):
+        servo = robot.joints.index(name)
+        joint = int(model.actuator_trnid[servo, 0])
+        ball = model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_BALL
+        turned = data.xmat[model.jnt_bodyid[joint]].reshape(3, 3)
+        axes[:, column] = turned @ model.actuator_gear[servo, :3] if ball else data.xaxis[joint]
+    gains = np.linalg.pinv(axes, rcond=1e-3) @ [[0.0, 0.0], [0.0, -1.0], [1.0, 0.0]]
+    return {name: (float(pan), float(tilt)) for name, (pan, tilt) in zip(names, gains, strict=True)}
 
 
 def joint_groups(robot: Robot, file: RobotFile, skeleton: Skeleton) -> Groups:

@@ -100,8 +100,10 @@ class CommandedRun:
                 deck.set_tempo(factor, over)
             case commands.Jump(phase=phase):
                 self._deck.jump(phase)
-            case commands.SetInput(name=name, value=value):
-                self._deck.set_input(name, value)
+            case commands.SetInput(name=name, value=value, seconds=seconds):
+                self._deck.set_input(name, value, seconds)
+            case commands.Gaze(left=left, up=up, ahead=ahead, seconds=seconds):
+                self._deck.gaze(left, up, ahead, seconds)
             case commands.Layer(group=group, to=to, weight=weight, tempo=tempo):
                 self._deck.layer(group, to, weight, tempo)
             case commands.GiveBeat(ago=ago):

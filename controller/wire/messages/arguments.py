@@ -151,5 +151,7 @@ STEP_SECONDS = Number("SECONDS", 0.0, 1.0)
 PHASE = Number("PHASE", 0.0, 1.0)
 WEIGHT = Number("WEIGHT", -0.3, 1.3)
 PART = Number("WEIGHT", 0.0, 1.0)
+HOLD_SECONDS = Number("SECONDS", 0.05, 3600.0)
+HELD = 0.5  # s that a live value holds unless it says otherwise
 AGO = Number("AGO", -2.0, 2.0)
 STEPS = Number("STEPS", 0, 16, whole=True)

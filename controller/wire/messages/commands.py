@@ -17,6 +17,7 @@ from controller.wire.messages.lock_state import LOCK_SOURCES, LockSource
 MOST_BYTES = 2048  # the longest command, bytes
 encode = msgspec.json.Encoder().encode  # a command, a reply or an event as it is sent
 
+_POINT = -1000.0, 1000.0  # m
 _CLOCK = -1e12, 1e12  # s
 _JOINT = arg.Text("JOINT", "the name of a joint")
 
@@ -69,11 +70,22 @@ class SetTempo(CommandMessage, frozen=True, tag="tempo"):
 
 
 class SetInput(CommandMessage, frozen=True, tag="input"):
-    """Change an input that motions were learned with, such as speed 1.4 (m/s); it is reached smoothly."""
+    """Hold joints at -1 to 1 of their range (jaw 0.4) for SECONDS (0.5), or change an input of motions (speed 1.4)."""
 
     row = CommandRow(("timed", "cue", "script"), record=12)
-    name: Annotated[str, arg.Text("INPUT", "the name of an input")]
-    value: Annotated[float, arg.Number("VALUE", -1000.0, 1000.0)]
+    name: Annotated[str, arg.Text("NAME", "the name of a group of joints or an input, or off")]
+    value: Annotated[float, arg.Number("VALUE", -1000.0, 1000.0)] = 0.0
+    seconds: Annotated[float, arg.HOLD_SECONDS] = arg.HELD  # without a further value, after which joints fall back
+
+
+class Gaze(CommandMessage, frozen=True, tag="gaze"):
+    """Look for SECONDS (0.5) at a point LEFT of and UP from straight ahead, at a distance of AHEAD (1), in m."""
+
+    row = CommandRow(("timed", "cue", "script"), record=24)
+    left: Annotated[float, arg.Number("LEFT", *_POINT)]
+    up: Annotated[float, arg.Number("UP", *_POINT)]
+    ahead: Annotated[float, arg.Number("AHEAD", 0.01, 1000.0)] = 1.0
+    seconds: Annotated[float, arg.HOLD_SECONDS] = arg.HELD
 
 
 class Layer(CommandMessage, frozen=True, tag="layer"):
@@ -271,7 +283,7 @@ class AtTime(CommandMessage, frozen=True, tag="at"):
         self.say.check()
 
 
-_OfMotions = Switch | Queue | Blend | SetTempo | SetInput | Layer | Jump | GiveBeat | LockPhase | Unlock
+_OfMotions = Switch | Queue | Blend | SetTempo | SetInput | Gaze | Layer | Jump | GiveBeat | LockPhase | Unlock
 _OfTheRun = Pause | StepOn | Resume | Home | EmergencyStop | Reset | Heartbeat | AlignTicks | AtTime
 _Questions = Subscribe | GetStatus | GetPhase
 _OfServos = ServoTorque | RestartServo | ReadRegisters | WriteRegister | ScanPorts

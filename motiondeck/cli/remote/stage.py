@@ -128,10 +128,10 @@ def _summary(mapped: StageMap) -> str:
 
 def _print_reply(source: str, command: DeckCommand, reply: Reply) -> None:
     """Prints a command and its reply; of those that come again and again only what is refused."""
-    from controller.wire.messages.commands import GiveBeat, SetInput, SetTempo
+    from controller.wire.messages.commands import Gaze, GiveBeat, SetInput, SetTempo
     from controller.wire.messages.replies import Refused
     from motiondeck.run.terminal import describe
 
-    if isinstance(reply, Refused) or not isinstance(command, GiveBeat | SetTempo | SetInput):
+    if isinstance(reply, Refused) or not isinstance(command, Gaze | GiveBeat | SetTempo | SetInput):
         line = f"{source}: {command.row.word}: {describe(reply)}"
         print(printable(line).replace("\n", r"\n"), flush=True)

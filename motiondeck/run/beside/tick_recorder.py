@@ -13,7 +13,7 @@ import numpy as np
 from controller.loop.loop import LoopState
 from controller.motion.rotations import Array
 from controller.wire.messages.arguments import Number
-from controller.wire.messages.commands import DeckCommand
+from controller.wire.messages.commands import DeckCommand, Gaze, SetInput
 from controller.wire.messages.deck_snapshot import DeckSnapshot
 from controller.wire.messages.replies import Refused, Reply
 from controller.wire.recorder import reason_file
@@ -59,9 +59,10 @@ class TickRecorder:
 
     def note(self, message: DeckCommand, reply: Reply) -> None:
         """Remembers a command and whether it was refused."""
-        if not message.row.record:
-            return
         fields = self._writer.fields
+        # A value of a stream gives way to other commands of its tick.
+        if not message.row.record or (fields["command"][0] and isinstance(message, Gaze | SetInput)):
+            return
         fields["command"][0] = message.row.record
         fields["refused"][0] = isinstance(reply, Refused)
         numbers = (getattr(message, one.field) for one in message.row.arguments if isinstance(one.argument, Number))

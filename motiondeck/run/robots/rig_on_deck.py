@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from controller.deck.interfaces import JointLimits, Retargeter
+from controller.deck.live_values import Gains
 from controller.deck.recorded_deck import RecordedDeck
 from controller.library.motion_library import MotionLibrary
 from controller.loop.output_channel import Channel
@@ -54,12 +55,12 @@ class RigFigure(KinematicPlayback):
 
 def open_rig_alone(
     opening: ExitStack, spec: RunSpec, file: Path, source: Clip | MotionLibrary
-) -> tuple[Robot, Array | None, Channel, RigFigure, Groups]:
+) -> tuple[Robot, Array | None, Channel, RigFigure, Groups, Gains]:
     """Connects the rig of a file, whose joints follow what they were taught; `opening` closes it.
 
-    Its robot, where the joints end, shape (J,), rad, or None for where they stop, its servos, its figure, and the
-    groups of its joints. Those that were not taught stay where they are. MotiondeckError if an option or the source
-    does not fit a rig (before anything is switched on), or it cannot be connected.
+    Its robot, where the joints end, shape (J,), rad, or None for where they stop, its servos, its figure, the groups
+    of its joints, and how they look somewhere. Those that were not taught stay where they are. MotiondeckError if an
+    option or the source does not fit a rig (before anything is switched on), or it cannot be connected.
     """
     for name in _SIMULATED:
         if getattr(spec, name) != getattr(RunSpec(), name):
@@ -75,8 +76,11 @@ def open_rig_alone(
     limits, rest = robot.limits, None
     if isinstance(source, Clip):
         rest = np.clip(_target(source, -1, retarget), limits.lower, limits.upper)
-    groups = groups_of(robot.joints) | named_groups(str(file), robot.joints, output.rig.config.groups)
-    return replace(robot, retarget=retarget), rest, channel, RigFigure(robot, output.rig), groups
+    config = output.rig.config
+    groups = groups_of(robot.joints) | named_groups(str(file), robot.joints, config.groups)
+    looking = named_groups(str(file), robot.joints, {"gaze": (*config.gaze.pan, *config.gaze.tilt)}, "")
+    gaze = {joint: (config.gaze.pan.get(joint, 0.0), config.gaze.tilt.get(joint, 0.0)) for joint in looking["gaze"]}
+    return replace(robot, retarget=retarget), rest, channel, RigFigure(robot, output.rig), groups, gaze
 
 
 def robot_of(file: Path, skeleton: Skeleton) -> Robot:

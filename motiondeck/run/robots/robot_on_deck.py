@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from controller.deck.interfaces import JointLimits, Retargeter
+from controller.deck.live_values import Gains
 from controller.library.motion_library import MotionLibrary
 from controller.loop.commands.interfaces import Pushable
 from controller.loop.ensemble import RobotOutput
@@ -55,6 +56,7 @@ class RobotOnDeck:
     prefix: str = ""  # goes before the names of its joints and outputs
     guard: CollisionGuard | None = None  # keeps its limbs apart, if that is wanted
     groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict[str, tuple[str, ...]])  # that layers play on
+    gaze: Gains = field(default_factory=dict[str, tuple[float, float]])
 
     @property
     def why_no_layers(self) -> str:
@@ -128,13 +130,13 @@ def open_robot(opening: ExitStack, spec: RunSpec, source: MotionLibrary | Clip, 
     if spec.robot is None and spec.rig is not None:
         from motiondeck.run.robots.rig_on_deck import open_rig_alone
 
-        robot, rest, rig, figure, groups = open_rig_alone(opening, spec, find_rig(spec.rig_named), source)
+        robot, rest, rig, figure, groups, gaze = open_rig_alone(opening, spec, find_rig(spec.rig_named), source)
         own = robot.joints, robot.limits, rest, robot.retarget, rig, Simulation(robot, figure, "fixed", False, False)
-        return RobotOnDeck(robot.name, *own, prefix, groups=groups)
+        return RobotOnDeck(robot.name, *own, prefix, groups=groups, gaze=gaze)
     from sim.models.robot_file import read_robot_file, solver_named
     from sim.physics.kinematic_playback import KinematicPlayback
     from sim.physics.playback import PhysicsPlayback
-    from sim.robots.joint_groups import joint_groups
+    from sim.robots.joint_groups import gaze_gains, joint_groups
     from sim.robots.robot import load_robot
     from sim.robots.self_collision import CollisionGuard
 
@@ -163,7 +165,8 @@ def open_robot(opening: ExitStack, spec: RunSpec, source: MotionLibrary | Clip, 
     retarget = apart or robot.retarget
     simulation = Simulation(robot, stage, spec.root, spec.balance, spec.walk)
     groups = joint_groups(robot, read_robot_file(file), source.skeleton)
-    return RobotOnDeck(robot.name, robot.joints, limits, robot.rest, retarget, rig, simulation, prefix, apart, groups)
+    own = robot.joints, limits, robot.rest, retarget, rig, simulation
+    return RobotOnDeck(robot.name, *own, prefix, apart, groups, gaze_gains(robot, groups))
 
 
 def robot_files(spec: RunSpec) -> tuple[Path, Path | None]:

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 import synthetic
 from controller.deck.deck import Deck
+from controller.deck.interfaces import JointLimits
 from controller.deck.layers import MOST_VOICES, Layers
 from controller.learning.fit import fit
 from controller.learning.recipe import gesture_recipe
@@ -17,6 +18,7 @@ from motiondeck_base.errors import MotiondeckError, UnknownNameError
 
 DT = 0.01
 JOINTS = ("pan", "jaw", "left", "right")
+LIMITS = JointLimits(*np.array([[-1.5, 1.5, 8.0, 400.0, 2e4]] * len(JOINTS)).T)
 GROUPS = {"arms": ("left", "right"), "face": ("jaw", "pan")}
 t = np.arange(200) / 50.0
 TAUGHT = {
@@ -51,7 +53,7 @@ def taught(tmp_path_factory):
 
 def new_deck(library, motion, twin=limb_joints, *, layers=True, refusal=""):
     deck = Deck(library, twin(), motion)
-    deck.layers = Layers(library, JOINTS, GROUPS, twin, refusal) if layers else None
+    deck.layers = Layers(library, JOINTS, LIMITS, GROUPS, twin, refusal) if layers else None
     return deck
 
 

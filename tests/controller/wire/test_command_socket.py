@@ -119,10 +119,13 @@ class TinyDeck:
     def step_on(self, seconds=0.0):
         self.time += seconds
 
-    def set_input(self, name, value):
+    def set_input(self, name, value, seconds):
         if name != "speed":
             raise MotiondeckError(f"unknown input '{name}'")
         self.inputs[name] = value
+
+    def gaze(self, *point):
+        self.inputs |= dict(zip(("left", "up", "ahead", "for"), point, strict=True))
 
     def layer(self, group, motion, weight=1.0, tempo=1.0):
         self.layered[group] = f"{motion} {weight:g} {tempo:g}"
@@ -235,6 +238,8 @@ def test_an_input_arrives_and_the_state_says_it(stage):
     assert parse_command(["input", "speed", "0.7"]) == SetInput("speed", 0.7)
     assert isinstance(stage.ask(parse_command(["layer", "jaw", "talk", "0.8"])), Accepted)
     assert stage.ask(GetStatus()).layers == {"jaw": "talk 0.8 1"}
+    assert isinstance(stage.ask(parse_command(["gaze", "0.4", "-0.1"])), Accepted)
+    assert stage.ask(GetStatus()).inputs == {"speed": 1.4, "left": 0.4, "up": -0.1, "ahead": 1.0, "for": 0.5}
     with pytest.raises(CommandError, match="input: VALUE must be a number"):
         parse_command(["input", "speed", "fast"])
 

@@ -8,7 +8,7 @@ import pytest
 from motiondeck_base.errors import UnknownNameError
 from motiondeck_base.shipped import find_robot
 from sim.models.robot_file import read_robot_file
-from sim.robots.joint_groups import joint_groups
+from sim.robots.joint_groups import gaze_gains, joint_groups
 from sim.robots.robot import load_robot
 from simulated_bodies import human
 
@@ -47,6 +47,22 @@ def test_arms_legs_and_head_of_a_humanoid_are_found_and_share_no_joint(robot):
     if "r_arm" in groups:
         assert {*groups["r_arm"], *groups["l_arm"]} == {*groups["arms"]}
         assert {joint[0] for joint in groups["r_arm"]} == {"r"}
+
+
+def test_a_head_is_turned_by_the_angle_of_its_gaze(robot):
+    loaded, _ = robot
+    gains = gaze_gains(loaded, joint_groups(*robot, human()))
+    outermost = max(moved(loaded, list(gains)))
+    for left, up in ((0.3, 0.0), (0.0, 0.25)):
+        turned = [left * gains.get(joint, (0, 0))[0] + up * gains.get(joint, (0, 0))[1] for joint in loaded.joints]
+        looks = []
+        for targets in (np.zeros(len(turned)), np.array(turned)):
+            data = mujoco.MjData(loaded.model)
+            loaded.layout.place(targets, data.qpos)
+            mujoco.mj_kinematics(loaded.model, data)
+            looks.append(data.xmat[outermost].reshape(3, 3))
+        x, y, z = (looks[1] @ looks[0].T)[:, 0]  # where what was ahead is now
+        assert (np.arctan2(y, x), np.arctan2(z, np.hypot(x, y))) == pytest.approx((left, up), abs=1e-3)
 
 
 def test_groups_of_the_file_are_kept_and_their_joints_checked(robot):

@@ -1,0 +1,132 @@
+"""Live values: joints that follow values from outside over what the deck plays, and fall back when these cease.
+
+From where it is, and as fast as it moves then, a joint follows its goal g critically damped,
+
+    x'' = w^2 (g - x) - 2 w x',    w = FOLLOW,
+
+stepped exactly and no faster than its limit; it lags 2 / w behind a goal that moves evenly. When no value has come for
+some time, the share of x in the joint's target goes to 0 as that of a layer does. In a pause joints stay where they
+are. The safety envelope sees the result like all targets.
+"""
+
+from collections.abc import Mapping, Sequence
+from math import atan2, exp, hypot
+
+import numpy as np
+from numpy.typing import NDArray
+
+from controller.deck.interfaces import JointLimits
+from controller.deck.share import Share
+from controller.motion.rotations import Array
+from motiondeck_base.errors import MotiondeckError
+
+Gains = Mapping[str, tuple[float, float]]
+"""The angle of each joint that takes part in a gaze, per angle of the gaze to the left and up."""
+
+FOLLOW = 80.0  # 1/s
+LIVE = "live"  # in place of the motion of a layer
+
+
+class LiveJoint(Share):
+    """A joint that follows values, with its limits of speed, rad/s, and acceleration, rad/s^2."""
+
+    def __init__(self, speed: float, acceleration: float) -> None:
+        super().__init__(goal=1.0, speed=speed, acceleration=acceleration, share=1.0)
+        self.left = 0.0  # s until it falls back
+        self._value = self._at = self._moving = 0.0  # g and x, rad, and x', rad/s
+        self._shown: float | None = None  # its target of the last tick, rad
+        self._shown_moving: float | None = None  # the speed of that, rad/s
+
+    def follow(self, value: float, seconds: float) -> None:
+        """Goes to a value, rad, and keeps to it for some seconds."""
+        self._value, self.left = value, seconds
+        if not self.goal:
+            self._at, self._moving = self._shown or 0.0, self._shown_moving or 0.0
+            self.goal = self.share = 1.0
+            self.pace, self.farthest = 0.0, 1e-6
+
+    def step(self, beneath: float, dt: float, *, still: bool) -> float:
+        """Its target, rad, dt seconds later, over that beneath."""
+        if self._shown is None:
+            self._shown = beneath
+            return beneath
+        if self._shown_moving is None:
+            self._at, self._moving = self._shown, (beneath - self._shown) / dt
+        goal = self._at if still else self._value
+        off, decay = self._at - goal, exp(-FOLLOW * dt)
+        pull, way = self._moving + FOLLOW * off, self.speed * dt
+        self._at += min(max(decay * (off + pull * dt) - off, -way), way)
+        self._moving = min(max(decay * (self._moving - FOLLOW * pull * dt), -self.speed), self.speed)
+        if not still:
+            self.left -= dt
+            if self.left <= 0.0:
+                self.goal = 0.0
+        if not self.goal:
+            self.approach(abs(self._at - beneath), dt, may_change=not still)
+        shown = beneath + self.share * (self._at - beneath)
+        self._shown, self._shown_moving = shown, (shown - self._shown) / dt
+        return shown
+
+
+class LiveValues:
+    """The live values of joints; arguments as of `Layers`, with the indices of the joints of each group."""
+
+    def __init__(
+        self,
+        names: Sequence[str],
+        limits: JointLimits,
+        groups: Mapping[str, NDArray[np.int64]],
+        gaze: Gains,
+        refusal: str,
+    ) -> None:
+        self._names, self._limits, self._groups, self._refusal = names, limits, groups, refusal
+        self._gaze = {names.index(joint): gains for joint, gains in gaze.items()}
+        self.joints: dict[int, LiveJoint] = {}  # those that follow values or fall back, by their index
+
+    @property
+    def following(self) -> dict[str, str]:
+        """LIVE for each joint that follows values."""
+        return {self._names[index]: LIVE for index, joint in self.joints.items() if joint.goal}
+
+    def set(self, group: str, value: float, seconds: float) -> None:
+        """Gives the joints of a group a value: 0 for the angle 0, 1 for the upper and -1 for the lower limit.
+
+        MotiondeckError for another value, or a robot that can have none.
+        """
+        if not -1.0 <= value <= 1.0:
+            raise MotiondeckError(f"{group} goes from -1 (its lower limit) over 0 (its zero) to 1 (its upper limit)")
+        for index in self._groups[group].tolist():
+            lower, upper = float(self._limits.lower[index]), float(self._limits.upper[index])
+            zero = min(max(0.0, lower), upper)
+            self._follow(index, zero + abs(value) * ((upper if value > 0.0 else lower) - zero), seconds)
+
+    def gaze(self, left: float, up: float, ahead: float, seconds: float) -> None:
+        """Looks at a point to the left, up and ahead of the eyes, m; MotiondeckError if nothing can look."""
+        if not self._gaze:
+            raise MotiondeckError("no joints are known to look with: name them in the rig file, under [gaze]")
+        pan, tilt = atan2(left, ahead), atan2(up, hypot(left, ahead))
+        for index, (per_pan, per_tilt) in self._gaze.items():
+            self._follow(index, per_pan * pan + per_tilt * tilt, seconds)
+
+    def end(self) -> None:
+        """Has all joints fall back."""
+        for joint in self.joints.values():
+            joint.left = 0.0
+
+    def _follow(self, index: int, value: float, seconds: float) -> None:
+        if self._refusal:
+            raise MotiondeckError(self._refusal)
+        limits = self._limits
+        if index not in self.joints:
+            self.joints[index] = LiveJoint(float(limits.velocity[index]), float(limits.acceleration[index]))
+        value = min(max(value, limits.lower[index]), limits.upper[index])
+        self.joints[index].follow(float(value), seconds)
+
+    def __call__(self, targets: Array, dt: float, *, still: bool) -> Array:
+        """Targets (J,), rad, dt seconds later, with the live values over these; held if the deck is to stand still."""
+        mixed = targets.copy()
+        for index, joint in [*self.joints.items()]:
+            mixed[index] = joint.step(float(targets[index]), dt, still=still)
+            if not joint.goal and joint.arrived:
+                del self.joints[index]
+        return mixed
