@@ -18,14 +18,14 @@ class RecordedDeck(Paced):
     """Plays the targets of a recording; fits `run_phases.Player` and `loop.commands.interfaces.Playback`.
 
     No network plays: what a deck has of one is empty or None here. If the recorded robot plays it, its root follows the
-    recorded path. MotiondeckError if the recording is empty.
+    recorded path. If it loops, it ends as it begins. MotiondeckError if the recording is empty.
     """
 
     activation = phase = phase_rate = lock_state = None
     phase_at: float | None = None
     settled, direct, restarts, fell_back = True, False, 0, ""
 
-    def __init__(self, recording: RunRecording, *, same_robot: bool = True) -> None:
+    def __init__(self, recording: RunRecording, *, same_robot: bool = True, loops: bool = False) -> None:
         if recording.ticks == 0:
             raise MotiondeckError("this recording is empty")
         super().__init__()
@@ -45,7 +45,7 @@ class RecordedDeck(Paced):
         self._robot_root = fields.get("robot_root") if same_robot else None
         # Recordings before version 5 do not say what was blended.
         self._blend = (fields["blend_motion"], fields["blend_weight"]) if "blend_motion" in fields else None
-        self._last = recording.ticks - 1
+        self._last, self._loops = recording.ticks - 1, loops
         self._place = 0.0  # in ticks of the recording
         self.lead = 0.0  # how far it runs ahead of its joints, s
         self._waited = 0.0  # s since the end is reached
@@ -70,7 +70,8 @@ class RecordedDeck(Paced):
         self.time += dt
         self._waited = self._waited + dt if self._place >= self._last else 0.0
         step = dt * self.advance_tempo(dt) * self._rate
-        self._place = min(max(self._place + step, 0.0), float(self._last))
+        place = self._place + step
+        self._place = place % self._last if self._loops else min(max(place, 0.0), float(self._last))
         first = min(int(self._place), max(self._last - 1, 0))
         share, second = self._place - first, min(first + 1, self._last)
 

@@ -84,8 +84,8 @@ def learn(options: LearnOptions, reading: Reading, as_json: JsonOption = False) 
     (--whole overrules). Still ends are trimmed; a motion that returns, and is repeated or moves on there, becomes a
     loop, any other a one-shot that ends in its last pose (--as overrules); all are resampled to 120 Hz and carried to
     one body. Every motion is tested. The reason why a recording is left out, and doubts about a body, are
-    printed. The recipe is written beside the library. With --robot the table of `preflight` follows: which motions that
-    robot plays, and at which tempo.
+    printed. The recipe is written beside the library (NAME.toml, or NAME.recipe.toml where that is a rig file or
+    keyframes). With --robot the table of `preflight` follows: which motions that robot plays, and at which tempo.
 
     Clips of `motiondeck rig teach` and keyframes (.toml) become loops or one-shots as they were taught or written;
     NAME.clip, NAME.2.clip ... are takes of one motion and are averaged. The part of a loop that returns best to its
@@ -135,7 +135,7 @@ def learn(options: LearnOptions, reading: Reading, as_json: JsonOption = False) 
     elif kinds == {"gesture"}:
         out = _library(options, "gestures", and_recipe=True)
         recipe = gesture_recipe(out.stem, [path.absolute() for path in options.what])
-        first = _learn_recipe(recipe, Path(), out.with_suffix(".toml"), out, options, as_json, taught=True)
+        first = _learn_recipe(recipe, Path(), _recipe_beside(out), out, options, as_json, taught=True)
     else:
         out = _library(options, "mine", and_recipe=True)
         first = _learn_recordings(options, out, own, jobs, as_json)
@@ -153,11 +153,23 @@ def _kind(path: Path) -> Literal["recipe", "gesture", "recording"]:
     return "gesture" if path.suffix.lower() in (".clip", ".toml") else "recording"
 
 
+def _recipe_beside(out: Path) -> Path:
+    """The recipe of a library: NAME.toml, or NAME.recipe.toml where that is no recipe, but a rig file or keyframes."""
+    from motiondeck_base.toml_file import parse_toml
+
+    recipe = out.with_suffix(".toml")
+    try:
+        taken = recipe.exists() and "motions" not in parse_toml(recipe)[1]
+    except MotiondeckError:
+        taken = True
+    return out.with_suffix(".recipe.toml") if taken else recipe
+
+
 def _library(options: LearnOptions, name: str, *, and_recipe: bool = False) -> Path:
     """The library to write, after a check that neither it nor the recipe to write exists."""
     out = options.out or Path(f"{name}.safetensors")
     check_folder(out)
-    recipe = out.with_suffix(".toml")
+    recipe = _recipe_beside(out)
     edited = f". A recipe that you have edited is trained with: motiondeck learn {recipe}" if and_recipe else ""
     check_new(*([recipe] if and_recipe else []), out, force=options.force, hint=edited)
     return out
@@ -193,7 +205,7 @@ def _learn_recordings(options: LearnOptions, out: Path, reading: ReadingOptions,
             whole=options.whole,
         )
     save_library(learned.library, out)
-    recipe = out.with_suffix(".toml")
+    recipe = _recipe_beside(out)
     write_file(recipe, recipe_text(learned.recipe, recipe.parent).encode())
     judge = partial(verdicts_on, options.robot, out, list(learned.library.network.motions))
     report_recordings(learned, out, recipe, judge, as_json)

@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple, cast
 
@@ -21,7 +22,7 @@ from motiondeck.page.motions.motion_controls import MotionControls
 from motiondeck.page.scene import CAMERAS
 from motiondeck.page.web.page_state import PageDescription
 from motiondeck.page.web.page_style import CURRENT, NOTICE_SECONDS, STOPS, STYLE, buttons_in_line
-from motiondeck.page.web.parts import PageParts
+from motiondeck.page.web.parts import PageParts, ask
 from motiondeck.page.web.private_page import PrivatePage
 from motiondeck.page.web.state_line import ended_line, state_line
 from motiondeck_base.errors import MotiondeckError
@@ -303,19 +304,7 @@ class Panel:
         no: str = "Cancel",
     ) -> None:
         """Asks for confirmation in the browser that clicked; `yes` sends a message or calls a function."""
-        gui = event.client.gui if event.client is not None else self._page.gui
-        with gui.add_modal(title) as question:
-            gui.add_markdown(text)
-            agree = gui.add_button(yes, color=STOPS)
-            gui.add_button(no, color="gray").on_click(lambda _: question.close())
-
-        @agree.on_click
-        def _(_: viser.GuiEvent) -> None:
-            question.close()
-            if callable(then):
-                then()
-            else:
-                self.send(then)
+        ask(self._page, event, title, text, yes, then if callable(then) else partial(self.send, then), no)
 
     def _tempo_moved(self, event: viser.GuiEvent) -> None:
         # A slider set by this program, not by a hand, reports no client.

@@ -46,7 +46,9 @@ EASINGS: dict[str, Callable[[Array], Array]] = {
 """From 0 to 1 for s in [0, 1], with slope 0 at both ends."""
 
 
-class _Key(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+class Key(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    """Where joints are at a time, s, in the unit of the file."""
+
     at: Annotated[float, msgspec.Meta(ge=0.0, le=_LONGEST)]
     joint: str = ""
     value: float | None = None
@@ -59,11 +61,14 @@ class _Key(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
 
     @property
     def values(self) -> dict[str, float]:
+        """The values of the joints that it has."""
         return self.pose or {self.joint: self.value or 0.0}
 
 
-class _Keyframes(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
-    key: list[_Key]
+class Keyframes(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    """A file of keyframes."""
+
+    key: list[Key]
     unit: Literal["deg", "rad"] | None = None
     plays: Plays = "once"
     length: Annotated[float, msgspec.Meta(gt=0.0, le=_LONGEST)] | None = None
@@ -74,7 +79,11 @@ class _Keyframes(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
 def read_keyframes(path: str | Path, options: ReadingOptions = AS_FOUND) -> Clip:
     """The take that keyframes describe, from their beginning to their end; a loop ends in its first frame."""
     options.refuse(path)
-    written = read_toml(Path(path), _Keyframes)
+    return drawn_up(read_toml(Path(path), Keyframes), path)
+
+
+def drawn_up(written: Keyframes, path: str | Path) -> Clip:
+    """The take of keyframes; FileFormatError, which names their file, if they contradict each other."""
     if not written.key:
         raise FileFormatError(f"{path}: there is no [[key]] in it. Write one.")
     if written.unit is None:
@@ -98,7 +107,7 @@ _Keys = dict[float, tuple[float, Easing]]
 """The values of one joint, and the way to each, by their times; of a loop without its end, which is its beginning."""
 
 
-def _keys_of(joint: str, written: _Keyframes, length: float, path: str | Path) -> _Keys:
+def _keys_of(joint: str, written: Keyframes, length: float, path: str | Path) -> _Keys:
     found: _Keys = {}
     for key in sorted(written.key, key=lambda key: key.at):
         if joint not in key.values:

@@ -1,8 +1,10 @@
-"""`motiondeck rig teach`: records joints that are moved by hand as clips."""
+"""`motiondeck rig teach`: records joints that are moved by hand as clips; or keyframes, on a page."""
 
 from __future__ import annotations
 
+import contextlib
 import json
+import math
 import sys
 import time
 from contextlib import ExitStack
@@ -30,7 +32,9 @@ _CHOICES = "Enter saves it. Or: again, take (save it and record another take), w
 
 def teach(
     rig: RigArgument,
-    out: Annotated[Path, Option(metavar="FILE|DIR", help="The clip (.clip), or a folder for several motions.")],
+    out: Annotated[
+        Path, Option(metavar="FILE|DIR", help="The clip (.clip), a folder for several motions, or keyframes (.toml).")
+    ],
     port: PortOption = None,
     seconds: Annotated[
         float | None, Option(metavar="SECONDS", help="Begin at once and record for this long, without asking.")
@@ -48,11 +52,15 @@ def teach(
     ] = True,
     as_json: JsonOption = False,
 ) -> None:
-    """Record a motion that you show by moving the joints.
+    """Record a motion by hand, or write it as keys on a page.
 
     Hold what would fall before the torque goes off. After each recording, save it, record it again, undo the trim, or
     record another take: takes of one motion (wave.clip, wave.2.clip ...) are averaged when they are learned. With a
     folder as --out, motions are named and recorded one after the other.
+
+    With --out NAME.toml a page opens, where you pose the joints with sliders or by hand, set keys over the time, see
+    what the limits of the rig make of them, save the keyframes, learn them and play them, emulated or on the rig.
+    Nothing moves until then, and no servo is needed.
 
     The clip can be played as it is, or learned, so that it loops and switches like any other motion.
 
@@ -60,18 +68,23 @@ def teach(
 
       motiondeck rig teach my-rig.toml --out wave.clip
       motiondeck rig teach my-rig.toml --out gestures/
+      motiondeck rig teach my-rig.toml --out wave.toml
       motiondeck play wave.clip --rig my-rig.toml
       motiondeck learn wave.clip nod.clip --out gestures.safetensors
     """
+    plays = None if once is None else "once" if once else "loop"
+    if out.suffix == ".toml":
+        _write_keys(rig, out, port, plays)
+        return
     # Slow to import: done before a joint has to be held.
     import controller.learning.recipe  # noqa: F401
     import hardware.tools.teaching  # noqa: F401
     from hardware.tools.loose_joints import loosen
 
-    session = _Session(load(rig), rig, None if once is None else "once" if once else "loop", trim, as_json, LineInput())
+    session = _Session(load(rig), rig, plays, trim, as_json, LineInput())
     folder = out.is_dir() or not out.suffix
     if out.suffix != ".clip" and not folder:
-        raise MotiondeckError(f"{out}: give a name that ends in .clip, or a folder for several clips")
+        raise MotiondeckError(f"{out}: give a name that ends in .clip or .toml, or a folder for several clips")
     if not out.parent.is_dir():
         raise MotiondeckError(f"{out.parent}: there is no such folder to write the clip to")
     if seconds is not None and folder:
@@ -94,6 +107,43 @@ def teach(
         else:
             session.record_takes(parts, out, out)
     session.report()
+
+
+def _write_keys(rig: str, out: Path, port: list[str] | None, plays: Plays | None) -> None:
+    """Opens the page of keyframes until Ctrl-C."""
+    from controller.motion.encodings.joint_angles import JointBody
+    from hardware.errors import RigError
+    from hardware.tools.teaching import watch_hands
+    from motiondeck.cli.common.options import PAGE_PORT
+    from motiondeck.page.keys.draft import Draft
+    from motiondeck.page.keys.keys_page import show_keys
+    from motiondeck.page.keys.rehearsal import Rehearsal
+    from motiondeck.run.beside.child_process import free_port
+    from motiondeck.run.robots.rig_on_deck import robot_of
+    from motiondeck_base.files import check_folder
+    from motiondeck_base.shipped import find_rig
+
+    check_folder(out)
+    config, file = load(rig), find_rig(rig)
+    robot = robot_of(file, JointBody.of(config.names))
+    draft = Draft(out, robot, plays or "once")
+
+    def read_rig() -> dict[str, float]:
+        with open_buses(config, port) as parts:
+            angles = next(watch_hands(config, parts, time.sleep)).angles
+        if silent := [name for name, angle in zip(config.names, angles, strict=True) if math.isnan(angle)]:
+            raise RigError(f"{', '.join(silent)} does not answer. Check the cable and the power.")
+        return {name: math.degrees(angle) for name, angle in zip(config.names, angles, strict=True)}
+
+    try:
+        page = free_port(PAGE_PORT)
+    except MotiondeckError:
+        page = free_port(0)
+    print(f"page: http://127.0.0.1:{page}", flush=True)
+    with ended_by_sigterm(), contextlib.suppress(KeyboardInterrupt):
+        show_keys(draft, robot, read_rig, Rehearsal(out, str(file)), page)
+    if draft.unsaved:
+        print(f"motiondeck: the keys were not saved to {out}", file=sys.stderr)
 
 
 @dataclass

@@ -13,6 +13,7 @@ from typing import Any
 import viser
 
 from controller.wire.messages.commands import DeckCommand
+from motiondeck.page.web.page_style import STOPS
 from motiondeck.page.web.private_page import PrivatePage
 
 Ask = Callable[[viser.GuiEvent, str, str, str, DeckCommand | Callable[[], None]], None]
@@ -23,6 +24,28 @@ MOST_CHARACTERS = 2000  # of an event; what is longer no part has sent
 _EVENTS = "part-events"
 
 Heard = Callable[[Any, viser.GuiEvent], None]
+
+
+def ask(
+    page: PrivatePage,
+    event: viser.GuiEvent,
+    title: str,
+    text: str,
+    yes: str,
+    then: Callable[[], None],
+    no: str = "Cancel",
+) -> None:
+    """Asks for confirmation in the browser that clicked; `yes` calls the function."""
+    gui = event.client.gui if event.client is not None else page.gui
+    with gui.add_modal(title) as question:
+        gui.add_markdown(text)
+        agree = gui.add_button(yes, color=STOPS)
+        gui.add_button(no, color="gray").on_click(lambda _: question.close())
+
+    @agree.on_click
+    def _(_: viser.GuiEvent) -> None:
+        question.close()
+        then()
 
 
 class Part:

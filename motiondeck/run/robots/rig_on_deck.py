@@ -74,7 +74,7 @@ def open_rig_alone(
     retarget = JointRetargeter(source.skeleton, robot.joints, output.rig.positions.copy())
     # A clip that limits have held back still comes to its last frame; a library ends where it stops.
     limits, rest = robot.limits, None
-    if isinstance(source, Clip):
+    if isinstance(source, Clip) and not _closes(source):
         rest = np.clip(_target(source, -1, retarget), limits.lower, limits.upper)
     config = output.rig.config
     groups = groups_of(robot.joints) | named_groups(str(file), robot.joints, config.groups)
@@ -93,7 +93,7 @@ def robot_of(file: Path, skeleton: Skeleton) -> Robot:
 
 
 def recorded_deck(clip: Clip, retarget: Retargeter) -> RecordedDeck:
-    """A deck that plays a taught clip once, as it is."""
+    """A deck that plays a clip of joints as it is: again and again if it loops and ends as it begins, else once."""
     count = len(clip)
     fields = {
         "targets": np.array([_target(clip, frame, retarget).copy() for frame in range(count)]),
@@ -102,7 +102,14 @@ def recorded_deck(clip: Clip, retarget: Retargeter) -> RecordedDeck:
         "heading": np.zeros((count, 1)),
         "root_rotation": clip.rotation[:, 0],
     }
-    return RecordedDeck(RunRecording({"motions": [clip.name], "rate": clip.rate}, fields, complete=True))
+    return RecordedDeck(
+        RunRecording({"motions": [clip.name], "rate": clip.rate}, fields, complete=True), loops=_closes(clip)
+    )
+
+
+def _closes(clip: Clip) -> bool:
+    """Whether a clip is a loop whose last frame is its first, as keyframes are; a taught one is closed by learning."""
+    return clip.plays == "loop" and len(clip) > 1 and bool(np.allclose(clip.rotation[0], clip.rotation[-1], atol=1e-4))
 
 
 def _target(clip: Clip, frame: int, retarget: Retargeter) -> Array:

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from command_line import invoked
+from controller.motion.formats.reading import read_clip
 from controller.motion.formats.taught_clip import save_taught_clip, taught_clip
 from controller.wire.run_recording import load_recording
-from motiondeck.run.robots.rig_on_deck import RigFigure, robot_of
+from motiondeck.run.robots.rig_on_deck import RigFigure, recorded_deck, robot_of
 from motiondeck.run.robots.robot_on_deck import with_robot
 from motiondeck.run.spec.program import Program
 from motiondeck.run.spec.run_spec import RunSpec
@@ -59,10 +60,25 @@ def test_a_library_file_or_with_a_rig_a_clip_stands_for_the_motion(rig, clip, tm
         Program.of(RunSpec(motion=str(clip)))
     with pytest.raises(MotiondeckError, match=r"--show is for a library.*motiondeck learn .*talk.clip"):
         Program.of(RunSpec(motion=str(clip), rig=str(rig), show="gala/head"))
-    library = tmp_path / "gestures.safetensors"
-    assert invoked("learn", str(clip), "--out", str(library)).exit_code == 0
+    library = rig.with_suffix(".safetensors")
+    assert invoked("learn", str(clip), "--out", str(library), "--force").exit_code == 0
+    assert (rig.read_text(), (tmp_path / "head.recipe.toml").exists()) == (RIG, True)  # the rig file is no recipe
     program = Program.of(RunSpec(motion=str(library)))
     assert (program.file, program.first) == (library, "talk")
+
+
+def test_a_loop_of_keyframes_is_played_again_and_again_and_any_other_once(rig, tmp_path):
+    keys = '{ at = 0, joint = "jaw", value = 0 }, { at = 0.5, joint = "jaw", value = 20 }'
+    for plays in ("loop", "once"):
+        (tmp_path / "talk.toml").write_text(f'unit = "deg"\nlength = 1.0\nplays = "{plays}"\nkey = [{keys}]')
+        clip = read_clip(tmp_path / "talk.toml")
+        deck = recorded_deck(clip, robot_of(rig, clip.skeleton).retarget)
+        jaw = np.degrees([deck.update(0.05)[0][0] for _ in range(50)])
+        assert jaw[9] == pytest.approx(20.0)
+        assert jaw[[19, 29, 39, 49]] == pytest.approx(
+            [0.0, 20.0, 0.0, 20.0] if plays == "loop" else 4 * [20.0], abs=1e-6
+        )
+        assert deck.over == (plays == "once")
 
 
 @pytest.mark.parametrize(

@@ -256,6 +256,8 @@ def test_what_cannot_be_taught_or_played_is_said(rig, tmp_path):
     for words, error in (
         (("rig", "teach", rig, "--out", tmp_path / "wave.txt"), "ends in .clip"),
         (("rig", "teach", rig, "--out", tmp_path / "no" / "wave.clip"), "no such folder"),
+        (("rig", "teach", rig, "--out", tmp_path / "no" / "wave.toml"), "no such folder"),
+        (("rig", "teach", rig, "--out", rig), "unknown key 'port'"),
         (("rig", "teach", rig, "--out", tmp_path / "a.clip", "--seconds", "0"), "not between"),
         (("rig", "teach", rig, "--out", tmp_path, "--seconds", "3"), "give it a file, not the folder"),
         (("play", other, "--rig", rig, "--headless", *any_port), "'grip'"),
