@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
-import typer
+from typer import Argument, Option
 
 from motiondeck.cli.common.options import (
     GroundOption,
@@ -36,44 +36,39 @@ class LearnOptions:
 
     what: Annotated[
         list[Path],
-        typer.Argument(
+        Argument(
             metavar="RECORDING...|RECIPE", help="Recordings in any format and folders of them, or a recipe (.toml)."
         ),
     ]
     out: Annotated[
         Path | None,
-        typer.Option(
-            "--out", metavar="FILE", help="The library to write (.safetensors); default: mine, or the recipe's name."
-        ),
+        Option(metavar="FILE", help="The library to write (.safetensors); default: mine, or the recipe's name."),
     ] = None
-    force: Annotated[bool, typer.Option("--force", help="Replace the library and the recipe if they exist.")] = False
+    force: Annotated[bool, Option("--force", help="Replace the library and the recipe if they exist.")] = False
     data: Annotated[
-        Path | None,
-        typer.Option("--data", metavar="DIR", help="The folder of a recipe's recordings; default: the recipe's own."),
+        Path | None, Option(metavar="DIR", help="The folder of a recipe's recordings; default: the recipe's own.")
     ] = None
     allow_failing: Annotated[
-        bool, typer.Option("--allow-failing", help="Write a recipe's library even if a motion fails its self-test.")
+        bool, Option("--allow-failing", help="Write a recipe's library even if a motion fails its self-test.")
     ] = False
-    play: Annotated[bool, typer.Option("--play", help="Play the first motion afterwards.")] = False
+    play: Annotated[bool, Option("--play", help="Play the first motion afterwards.")] = False
     robot: Annotated[
-        str | None,
-        typer.Option("--robot", metavar="ROBOT", help="Say which motions this robot plays; --play plays them on it."),
+        str | None, Option(metavar="ROBOT", help="Say which motions this robot plays; --play plays them on it.")
     ] = None
     jobs: JobsOption = "1"
     ground: GroundOption = "auto"
     accept: Annotated[
         list[str] | None,
-        typer.Option(
-            "--accept",
+        Option(
             metavar="NAME",
             help="Learn a recording in spite of doubts about its body; all; or upper-body: what has no legs.",
         ),
     ] = None
     plays: Annotated[
         Literal["loop", "once"] | None,
-        typer.Option("--as", help="How recordings play; default: each as its motion suggests."),
+        Option("--as", help="How recordings play; default: each as its motion suggests."),
     ] = None
-    whole: Annotated[bool, typer.Option("--whole", help="Learn each recording as one motion, however long.")] = False
+    whole: Annotated[bool, Option("--whole", help="Learn each recording as one motion, however long.")] = False
 
 
 @grouped

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from typer import Argument, Option
 
 from motiondeck.cli.common.options import JsonOption, Reading, check_ending
 from motiondeck.cli.common.options_class import grouped
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 app = typer.Typer(help="List, show, extend and bake motion libraries.", no_args_is_help=True)
 
 LibraryArgument = Annotated[
-    str, typer.Argument(metavar="LIBRARY", help="A library file (.safetensors), or a shipped one by its name.")
+    str, Argument(metavar="LIBRARY", help="A library file (.safetensors), or a shipped one by its name.")
 ]
 
 
@@ -61,11 +62,10 @@ def list_libraries(as_json: JsonOption = False) -> None:
 def show(
     library: LibraryArgument,
     recording: Annotated[
-        Path | None, typer.Argument(metavar="[RECORDING]", help="Judge the motions of this recording anew by it.")
+        Path | None, Argument(metavar="[RECORDING]", help="Judge the motions of this recording anew by it.")
     ] = None,
     robot: Annotated[
-        str | None,
-        typer.Option("--robot", metavar="ROBOT", help="Say which motions this robot plays, as `preflight` does."),
+        str | None, Option(metavar="ROBOT", help="Say which motions this robot plays, as `preflight` does.")
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
@@ -123,10 +123,9 @@ def _judge_anew(library: MotionLibrary, path: Path, recording: Path, as_json: bo
 @app.command("bake")
 def bake(
     library: LibraryArgument,
-    robot: Annotated[str, typer.Option("--robot", metavar="ROBOT", help="The robot to carry it to.")],
+    robot: Annotated[str, Option(metavar="ROBOT", help="The robot to carry it to.")],
     out: Annotated[
-        Path | None,
-        typer.Option("--out", metavar="FILE", help="The library to write; default: where `play` looks for it."),
+        Path | None, Option(metavar="FILE", help="The library to write; default: where `play` looks for it.")
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
@@ -172,24 +171,17 @@ def bake(
 def add(
     library: LibraryArgument,
     clip: Annotated[
-        Path, typer.Argument(metavar="RECORDING", help="The recording to learn, of any format, skeleton and rate.")
+        Path, Argument(metavar="RECORDING", help="The recording to learn, of any format, skeleton and rate.")
     ],
     reading: Reading,
-    name: Annotated[
-        str, typer.Option("--name", metavar="NAME", help="Name of the motion; default: the recording's.")
-    ] = "",
-    once: Annotated[
-        bool, typer.Option("--once", help="A one-shot, which holds its last pose; default: a loop.")
-    ] = False,
+    name: Annotated[str, Option(metavar="NAME", help="Name of the motion; default: the recording's.")] = "",
+    once: Annotated[bool, Option("--once", help="A one-shot, which holds its last pose; default: a loop.")] = False,
     frames: Annotated[
-        tuple[int, int] | None,
-        typer.Option("--frames", metavar="FIRST END", help="Only these frames of the recording."),
+        tuple[int, int] | None, Option(metavar="FIRST END", help="Only these frames of the recording.")
     ] = None,
-    out: Annotated[
-        Path | None, typer.Option("--out", metavar="FILE", help="The library to write; default: LIBRARY itself.")
-    ] = None,
+    out: Annotated[Path | None, Option(metavar="FILE", help="The library to write; default: LIBRARY itself.")] = None,
     allow_failing: Annotated[
-        bool, typer.Option("--allow-failing", help="Write the library even if the motion fails its self-test.")
+        bool, Option("--allow-failing", help="Write the library even if the motion fails its self-test.")
     ] = False,
     as_json: JsonOption = False,
 ) -> None:

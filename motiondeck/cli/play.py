@@ -33,7 +33,7 @@ def play(
     context: typer.Context,
     spec: RunSpec,
     video: Annotated[
-        Path | None, of_film("--video", metavar="FILE", help="Film it (.mp4 or .gif) instead of playing it live.")
+        Path | None, of_film(metavar="FILE", help="Film it (.mp4 or .gif) instead of playing it live.")
     ] = None,
     size: SizeOption = None,
     fps: FpsOption = None,

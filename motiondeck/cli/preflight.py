@@ -8,6 +8,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from typer import Argument, Option
 
 from motiondeck.cli.common.options import JsonOption, RootOption
 from motiondeck.cli.common.options_class import grouped
@@ -21,24 +22,19 @@ if TYPE_CHECKING:
 class PreflightRun:
     """What is judged: a library on a robot, with its root, perhaps with a rig, at a tempo."""
 
-    library: Annotated[str, typer.Argument(metavar="LIBRARY", help="A library file, or a shipped one by its name.")] = (
+    library: Annotated[str, Argument(metavar="LIBRARY", help="A library file, or a shipped one by its name.")] = (
         "thesis15"
     )
-    robot: Annotated[str, typer.Option("--robot", metavar="ROBOT", help="A robot file or a name (`robot list`).")] = (
-        "servo20"
-    )
+    robot: Annotated[str, Option(metavar="ROBOT", help="A robot file or a name (`robot list`).")] = "servo20"
     rig: Annotated[
-        str | None,
-        typer.Option(
-            "--rig", metavar="RIG", help="A rig file, whose limits of position, velocity and current apply too."
-        ),
+        str | None, Option(metavar="RIG", help="A rig file, whose limits of position, velocity and current apply too.")
     ] = None
     root: RootOption = "gantry"
     balance: Annotated[
-        bool, typer.Option("--balance", help="A free robot keeps its feet in place and its centre of mass above them.")
+        bool, Option("--balance", help="A free robot keeps its feet in place and its centre of mass above them.")
     ] = False
-    walk: Annotated[bool, typer.Option("--walk", help="A free robot walks where the motion goes.")] = False
-    tempo: Annotated[float, typer.Option("--tempo", metavar="TEMPO", help="The tempo to judge at, 0.1 to 3.")] = 1.0
+    walk: Annotated[bool, Option("--walk", help="A free robot walks where the motion goes.")] = False
+    tempo: Annotated[float, Option(metavar="TEMPO", help="The tempo to judge at, 0.1 to 3.")] = 1.0
 
     @property
     def judged(self) -> Judged:
@@ -54,13 +50,12 @@ def preflight(
     run: PreflightRun,
     jobs: Annotated[
         str | None,
-        typer.Option(
-            "--jobs",
+        Option(
             metavar="N|dask://HOST:PORT",
             help="Parallel processes, -1 for one per core, or a Dask scheduler; default: as many as save time.",
         ),
     ] = None,
-    motions_only: Annotated[bool, typer.Option("--motions-only", help="Check no switches.")] = False,
+    motions_only: Annotated[bool, Option("--motions-only", help="Check no switches.")] = False,
     as_json: JsonOption = False,
 ) -> None:
     """Check whether a robot can play a library, and at which tempo.

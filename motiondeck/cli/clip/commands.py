@@ -69,8 +69,7 @@ def convert(
     out: Annotated[
         Path,
         Argument(
-            metavar="OUT",
-            help="OUT.bvh, OUT.csv for positions, with --fill OUT.c3d; of joints OUT.clip, .csv or .npz.",
+            metavar="OUT", help="OUT.bvh, OUT.csv for positions, with --fill OUT.c3d; of joints OUT.clip, .csv or .npz."
         ),
     ],
     reading: Reading,

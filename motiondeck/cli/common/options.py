@@ -21,47 +21,37 @@ of_film = partial(Option, rich_help_panel="Film")
 _of_simulation = partial(Option, rich_help_panel="Simulation")
 
 SizeOption = Annotated[
-    str | None,
-    of_film("--size", metavar="WIDTHxHEIGHT", help="Size of the film in pixels; default: 1920x1080, gif 400x300."),
+    str | None, of_film(metavar="WIDTHxHEIGHT", help="Size of the film in pixels; default: 1920x1080, gif 400x300.")
 ]
-FpsOption = Annotated[
-    float | None, of_film("--fps", metavar="FPS", help="Frames per second of the film; default: 30, gif 20.")
-]
+FpsOption = Annotated[float | None, of_film(metavar="FPS", help="Frames per second of the film; default: 30, gif 20.")]
 CameraOption = Annotated[
-    Literal["follow", "front", "side", "three"],
-    of_film("--camera", help="Camera of the film; three: all side by side."),
+    Literal["follow", "front", "side", "three"], of_film(help="Camera of the film; three: all side by side.")
 ]
 SolverOption = Annotated[
     Literal["angles", "ik"] | None,
-    _of_simulation("--solver", help="How to carry motions onto the robot; without it, as its file says."),
+    _of_simulation(help="How to carry motions onto the robot; without it, as its file says."),
 ]
 JobsOption = Annotated[
     str,
     Option(
-        "--jobs",
         metavar="N|dask://HOST:PORT",
         help="Parallel processes, -1 for one per core; or the scheduler of a Dask cluster.",
     ),
 ]
 RootOption = Annotated[
     Literal["gantry", "fixed", "free"],
-    _of_simulation("--root", help="The simulated robot's root: carried by a gantry, fixed, or free to fall."),
+    _of_simulation(help="The simulated robot's root: carried by a gantry, fixed, or free to fall."),
 ]
 JsonOption = Annotated[bool, Option("--json", help="Print one JSON object instead of a table.")]
-PagePortOption = Annotated[int, Option("--port", metavar="PORT", help="The page's port; 0 for any free one.")]
+PagePortOption = Annotated[int, Option(metavar="PORT", help="The page's port; 0 for any free one.")]
 
 
 GroundOption = Annotated[
-    str,
-    Option("--ground", metavar="METRES", help="Height of the file's floor; auto: where feet stand; none: leave it."),
+    str, Option(metavar="METRES", help="Height of the file's floor; auto: where feet stand; none: leave it.")
 ]
 SkeletonOption = Annotated[
     Path | None,
-    Option(
-        "--skeleton",
-        metavar="FILE",
-        help="The .asf of an .amc, the body model of an .npz; or one of several people in a file.",
-    ),
+    Option(metavar="FILE", help="The .asf of an .amc, the body model of an .npz; or one of several people in a file."),
 ]
 
 

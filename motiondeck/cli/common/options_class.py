@@ -1,40 +1,36 @@
-"""Options that are fields of a dataclass: a command takes them as one value and hands them on as one."""
+"""Options that a command takes as one value, such as the fields of a dataclass."""
 
 import functools
 import inspect
-from collections.abc import Callable
-from dataclasses import MISSING, fields, is_dataclass
-from typing import Any, get_type_hints
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import is_dataclass
+from typing import Any
+
+Group = tuple[Sequence[inspect.Parameter], Callable[..., Any]]
+"""Parameters for typer, and what makes the one value of them."""
 
 
 def grouped(command: Callable[..., None]) -> Callable[..., None]:
     """A command for typer in which each parameter of a dataclass type is replaced by the fields of the dataclass."""
-    parameters: list[inspect.Parameter] = []
-    groups: dict[str, tuple[type, list[str]]] = {}
-    hints = get_type_hints(command, include_extras=True)
-    for parameter in inspect.signature(command).parameters.values():
-        kind = hints[parameter.name]
-        if not is_dataclass(kind):
-            parameters.append(parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY, annotation=kind))
-            continue
-        annotations = get_type_hints(kind, include_extras=True)
-        groups[parameter.name] = kind, [field.name for field in fields(kind)]  # type: ignore[assignment]
-        parameters += [
-            inspect.Parameter(
-                field.name,
-                inspect.Parameter.KEYWORD_ONLY,
-                default=inspect.Parameter.empty if field.default is MISSING else field.default,
-                annotation=annotations[field.name],
-            )
-            for field in fields(kind)
-        ]
+    kinds = {one.name: one.annotation for one in _parameters(command) if is_dataclass(one.annotation)}
+    return with_groups(command, {name: (_parameters(kind), kind) for name, kind in kinds.items()})
+
+
+def with_groups(command: Callable[..., None], groups: Mapping[str, Group]) -> Callable[..., None]:
+    """A command for typer in which the parameters of these names are replaced by those of their groups."""
+    every = [one for own in _parameters(command) for one in (groups[own.name][0] if own.name in groups else [own])]
+    parameters = [one.replace(kind=inspect.Parameter.KEYWORD_ONLY) for one in every]
 
     @functools.wraps(command)
     def called(**values: Any) -> None:
-        for name, (kind, own) in groups.items():
-            values[name] = kind(**{field: values.pop(field) for field in own if field in values})
+        for name, (own, value_of) in groups.items():
+            values[name] = value_of(**{one.name: values.pop(one.name) for one in own if one.name in values})
         command(**values)
 
     called.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
     called.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
     return called
+
+
+def _parameters(made: Callable[..., Any]) -> list[inspect.Parameter]:
+    return list(inspect.signature(made, eval_str=True).parameters.values())

@@ -25,9 +25,9 @@ _AGAIN = 15.0  # s after which a subscription is renewed
 
 _UNSTOPPED = "the emergency stop is not acknowledged yet; it is sent on. If the robot moves, cut its power"
 
-CommandPort = Annotated[int, Option("--command-port", metavar="PORT", help="The deck's command port.")]
-Host = Annotated[str | None, Option("--host", metavar="ADDRESS", help="A deck on another machine; needs --token-file.")]
-TokenFile = Annotated[Path | None, Option("--token-file", metavar="FILE", help="The token that deck was started with.")]
+CommandPort = Annotated[int, Option(metavar="PORT", help="The deck's command port.")]
+Host = Annotated[str | None, Option(metavar="ADDRESS", help="A deck on another machine; needs --token-file.")]
+TokenFile = Annotated[Path | None, Option(metavar="FILE", help="The token that deck was started with.")]
 
 
 def send(

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from typer import Argument, Option
 
 from motiondeck.cli.common.options import PAGE_PORT, JobsOption, JsonOption, PagePortOption, SolverOption
 from motiondeck_base.counted import counted
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
 app = typer.Typer(help="List, show, calibrate and check robots.", no_args_is_help=True)
 
 RobotArgument = Annotated[
-    str, typer.Argument(metavar="ROBOT", help="A robot file (.toml), or a name of `robot list --catalogue`.")
+    str, Argument(metavar="ROBOT", help="A robot file (.toml), or a name of `robot list --catalogue`.")
 ]
 
 CATALOGUE_KINDS = ("humanoid", "biped")
@@ -27,7 +28,7 @@ PICTURE_SECONDS, VIEW_SECONDS = 2.0, 8.0
 @app.command("list")
 def list_robots(
     catalogue: Annotated[
-        bool, typer.Option("--catalogue", help="Also list the two-legged robots of MuJoCo Menagerie.")
+        bool, Option("--catalogue", help="Also list the two-legged robots of MuJoCo Menagerie.")
     ] = False,
     as_json: JsonOption = False,
 ) -> None:
@@ -111,21 +112,14 @@ def show(robot: RobotArgument, as_json: JsonOption = False) -> None:
 
 @app.command("calibrate")
 def calibrate(
-    model: Annotated[str, typer.Argument(metavar="MODEL", help="An MJCF or URDF file, or a name of the catalogue.")],
-    out: Annotated[
-        Path | None, typer.Option("--out", metavar="FILE", help="The robot file; by default NAME.toml.")
-    ] = None,
+    model: Annotated[str, Argument(metavar="MODEL", help="An MJCF or URDF file, or a name of the catalogue.")],
+    out: Annotated[Path | None, Option(metavar="FILE", help="The robot file; by default NAME.toml.")] = None,
     package: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--package", metavar="NAME=DIR", help="The folder of a package that a URDF's meshes are named by."
-        ),
+        list[str] | None, Option(metavar="NAME=DIR", help="The folder of a package that a URDF's meshes are named by.")
     ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Replace an existing robot file.")] = False,
-    picture: Annotated[
-        Path | None, typer.Option("--picture", metavar="FILE", help="Draw robot and human side by side (.png).")
-    ] = None,
-    view: Annotated[bool, typer.Option("--view", help="Show robot and human side by side in the browser.")] = False,
+    force: Annotated[bool, Option("--force", help="Replace an existing robot file.")] = False,
+    picture: Annotated[Path | None, Option(metavar="FILE", help="Draw robot and human side by side (.png).")] = None,
+    view: Annotated[bool, Option("--view", help="Show robot and human side by side in the browser.")] = False,
     port: PagePortOption = PAGE_PORT,
     as_json: JsonOption = False,
 ) -> None:
@@ -147,15 +141,7 @@ def calibrate(
     """
     from motiondeck.cli.common.options import check_new
     from motiondeck.cli.common.verdict_report import print_verdicts, verdicts_on
-    from motiondeck.cli.robot.calibration import (
-        LIBRARY,
-        MOTIONS,
-        decided,
-        packages,
-        print_report,
-        report_of,
-        try_robot,
-    )
+    from motiondeck.cli.robot.calibration import LIBRARY, MOTIONS, decided, packages, print_report, report_of, try_robot
     from motiondeck_base.errors import MotiondeckError
     from motiondeck_base.files import write_file
     from motiondeck_base.shipped import find_library
@@ -198,14 +184,11 @@ def calibrate(
 def tune_walk(
     robot: RobotArgument,
     motion: Annotated[
-        list[str] | None,
-        typer.Option("--motion", metavar="MOTION", help="A motion to walk; repeatable. Default: walk."),
+        list[str] | None, Option(metavar="MOTION", help="A motion to walk; repeatable. Default: walk.")
     ] = None,
-    library: Annotated[
-        str, typer.Option("--library", metavar="LIBRARY", help="The library of the motions.")
-    ] = "thesis15",
-    seconds: Annotated[float, typer.Option("--seconds", metavar="SECONDS", help="Length of each trial, s.")] = 60.0,
-    rounds: Annotated[int, typer.Option("--rounds", metavar="N", min=0, help="Number of settings to try.")] = 40,
+    library: Annotated[str, Option(metavar="LIBRARY", help="The library of the motions.")] = "thesis15",
+    seconds: Annotated[float, Option(metavar="SECONDS", help="Length of each trial, s.")] = 60.0,
+    rounds: Annotated[int, Option(metavar="N", min=0, help="Number of settings to try.")] = 40,
     jobs: JobsOption = "-1",
     as_json: JsonOption = False,
 ) -> None:
@@ -233,11 +216,10 @@ def tune_walk(
 @app.command("check")
 def check(
     robot: RobotArgument,
-    files: Annotated[list[Path], typer.Argument(metavar="RECORDINGS", help="Recordings, or folders full of them.")],
+    files: Annotated[list[Path], Argument(metavar="RECORDINGS", help="Recordings, or folders full of them.")],
     solver: SolverOption = None,
     seconds: Annotated[
-        float | None,
-        typer.Option("--seconds", metavar="SECONDS", help="Check only this many first seconds of each recording."),
+        float | None, Option(metavar="SECONDS", help="Check only this many first seconds of each recording.")
     ] = None,
     as_json: JsonOption = False,
 ) -> None:

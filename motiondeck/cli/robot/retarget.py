@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
+from typer import Argument, Option
 
 from motiondeck.cli.common.options import JobsOption, JsonOption, SolverOption
 from motiondeck_base.counted import counted
@@ -19,19 +20,13 @@ SEGMENTS = ("thigh", "shank", "upper_arm", "forearm")
 
 def retarget(
     recordings: Annotated[
-        list[Path],
-        typer.Argument(metavar="FILE_OR_FOLDER...", help="Recordings in any format, and folders that hold some."),
+        list[Path], Argument(metavar="FILE_OR_FOLDER...", help="Recordings in any format, and folders that hold some.")
     ],
-    robot: Annotated[
-        str,
-        typer.Option("--robot", metavar="ROBOT", help="A robot file (.toml) or a name (`robot list`)."),
-    ],
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="The folder for the files; created if missing.")],
-    format: Annotated[
-        Literal["npz", "csv", "mjlab", "qpos"], typer.Option("--format", help="The files' format.")
-    ] = "npz",
+    robot: Annotated[str, Option(metavar="ROBOT", help="A robot file (.toml) or a name (`robot list`).")],
+    out: Annotated[Path, Option(metavar="DIR", help="The folder for the files; created if missing.")],
+    format: Annotated[Literal["npz", "csv", "mjlab", "qpos"], Option(help="The files' format.")] = "npz",
     physical: Annotated[
-        bool, typer.Option("--physical", help="As the simulated robot does it on its own feet; takes minutes.")
+        bool, Option("--physical", help="As the simulated robot does it on its own feet; takes minutes.")
     ] = False,
     solver: SolverOption = None,
     jobs: JobsOption = "-1",
