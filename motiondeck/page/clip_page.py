@@ -1,7 +1,5 @@
 """A clip in the browser: the human with its bones, a robot, footprints, and a time bar."""
 
-import contextlib
-import io
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -18,7 +16,7 @@ from motiondeck.page.body.footprints import Print
 from motiondeck.page.body.live_marks import add_print
 from motiondeck.page.figures import BAD, UNSURE
 from motiondeck.page.scene import Follower, Scene
-from motiondeck.page.web.private_page import PrivatePage
+from motiondeck.page.web.private_page import PrivatePage, served
 
 
 @dataclass
@@ -83,10 +81,7 @@ class Act:
 
 def show(act: Act, port: int, ends: Callable[[], bool] = lambda: False) -> None:
     """Shows a clip on a page of this machine until it is ended; PortError if the port is taken."""
-    # viser announces itself on standard output, which is kept for results.
-    with contextlib.redirect_stdout(io.StringIO()):
-        page = PrivatePage(port, label=act.title)
-    try:
+    with served(port, act.title) as page:
         stage = _Stage(page, act)
         last = time.monotonic()
         while not ends():
@@ -94,8 +89,6 @@ def show(act: Act, port: int, ends: Callable[[], bool] = lambda: False) -> None:
             stage.show(min(now - last, 0.25))
             last = now
             time.sleep(max(0.0, now + 1.0 / PICTURES_PER_SECOND - time.monotonic()))
-    finally:
-        page.stop()
 
 
 def _decided(act: Act) -> str:

@@ -25,11 +25,10 @@ from controller.wire.run_folder import REASON_FILE
 from controller.wire.telemetry import StateReader, named
 from motiondeck.page.deck_view import DeckView
 from motiondeck.page.web.page_state import PageDescription, PictureReader
-from motiondeck.page.web.private_page import PrivatePage
+from motiondeck.page.web.private_page import served
 from motiondeck_base.errors import MotiondeckError
 
 PICTURES_PER_SECOND = 25.0  # of 50, 100 or 200 ticks: as many between any two pictures
-LAST_WORD = 1.2  # s for a browser to get the reason of the end
 LONGEST_WAIT = 60.0  # s for a deck that is starting
 
 
@@ -48,34 +47,31 @@ def view(state: Path, command_port: int | None, port: int) -> None:
     about = msgspec.convert(reader.description, PageDescription)
     pictures = PictureReader(about)
     command_port = about.command_port if command_port is None else command_port
-    page = PrivatePage(port, label=f"Motiondeck · {about.robot}")
-    print(f"page: {page.address}", file=sys.stderr, flush=True)
-    shown = DeckView(page, about, CommandClient(command_port), state.parent / "dropped")
-    events = CommandClient(command_port)
-    with contextlib.suppress(MotiondeckError):
-        events.post(Subscribe())
-    last_tick, last_state = -1.0, 0
     try:
-        while not reader.ended and os.getppid() == parent:
-            now = time.monotonic()
-            latest = reader.read()
-            if latest is not None and latest["tick"][0] != last_tick and np.isfinite(latest["qpos"]).all():
-                last_tick = latest["tick"][0]
-                shown.show(pictures.read(latest), now)
-            if shown.recording:
-                # More states are published than pictures drawn.
-                last_state, values = reader.since(last_state or reader.latest - 1)
-                for each in values:
-                    shown.record(pictures.read(named(each, reader.fields)))
-            else:
-                last_state = 0
-            show_events(events, shown)
-            time.sleep(max(0.0, now + 1.0 / PICTURES_PER_SECOND - time.monotonic()))
-        shown.end(_reason(state))
-        page.flush()
-        time.sleep(LAST_WORD if page.get_clients() else 0.0)
+        with served(port, f"Motiondeck · {about.robot}") as page:
+            print(f"page: {page.address}", file=sys.stderr, flush=True)
+            shown = DeckView(page, about, CommandClient(command_port), state.parent / "dropped")
+            events = CommandClient(command_port)
+            with contextlib.suppress(MotiondeckError):
+                events.post(Subscribe())
+            last_tick, last_state = -1.0, 0
+            while not reader.ended and os.getppid() == parent:
+                now = time.monotonic()
+                latest = reader.read()
+                if latest is not None and latest["tick"][0] != last_tick and np.isfinite(latest["qpos"]).all():
+                    last_tick = latest["tick"][0]
+                    shown.show(pictures.read(latest), now)
+                if shown.recording:
+                    # More states are published than pictures drawn.
+                    last_state, values = reader.since(last_state or reader.latest - 1)
+                    for each in values:
+                        shown.record(pictures.read(named(each, reader.fields)))
+                else:
+                    last_state = 0
+                show_events(events, shown)
+                time.sleep(max(0.0, now + 1.0 / PICTURES_PER_SECOND - time.monotonic()))
+            shown.end(_reason(state))
     finally:
-        page.stop()
         if os.getppid() != parent and state.parent.name.startswith("motiondeck-"):
             # A deck that was killed could not tidy up after itself.
             shutil.rmtree(state.parent, ignore_errors=True)
@@ -106,9 +102,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--port", type=int, required=True, help="where to serve the page, on loopback")
     options = parser.parse_args(arguments)
     try:
-        # viser announces itself on standard output, which belongs to the deck that started this process.
-        with Path(os.devnull).open("w") as nowhere, contextlib.redirect_stdout(nowhere):
-            view(options.state, options.command_port, options.port)
+        view(options.state, options.command_port, options.port)
     except MotiondeckError as error:
         print(f"motiondeck: {error}", file=sys.stderr)
         return 1

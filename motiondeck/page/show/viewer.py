@@ -10,7 +10,6 @@ import socket
 import sys
 import time
 from collections.abc import Callable
-from contextlib import redirect_stdout
 from pathlib import Path
 
 import msgspec
@@ -18,7 +17,7 @@ import viser
 
 from motiondeck.page.show.show_text import ENDED, cue_table, deck_cards, show_line, silent_line
 from motiondeck.page.web.page_style import CURRENT, NOTICE_SECONDS, STOPS, STYLE, buttons_in_line, style_in
-from motiondeck.page.web.private_page import PrivatePage
+from motiondeck.page.web.private_page import PrivatePage, served
 from motiondeck.shows.show_state import ShowNotice, ShowState
 from motiondeck_base.errors import MotiondeckError
 
@@ -31,7 +30,7 @@ SHOW_STYLE = style_in(Path(__file__).with_name("show.css"))
 class ShowView:
     """All that is on the page of a show; `say` sends a word to the conductor, and raises an OSError if it is gone."""
 
-    def __init__(self, page: PrivatePage, say: Callable[[str], None]) -> None:
+    def __init__(self, page: PrivatePage, say: Callable[[str], object]) -> None:
         self._page, self._say = page, say
         gui = page.gui
         gui.configure_theme(show_share_button=False, show_logo=False, brand_color=CURRENT)
@@ -85,7 +84,6 @@ class ShowView:
 
 
 SILENT_AFTER = 2.0  # s without a word of the conductor
-LAST_WORD = 1.2  # s for a browser to get the end
 _MOST_BYTES = 1 << 20
 
 _news = msgspec.json.Decoder(ShowState | ShowNotice)
@@ -93,11 +91,11 @@ _news = msgspec.json.Decoder(ShowState | ShowNotice)
 
 def view(conductor: socket.socket, port: int) -> None:
     """Shows a show until its conductor is gone; prints the page's address. MotiondeckError if the port is taken."""
-    page = PrivatePage(port, label="Motiondeck · show")
-    print(f"page: {page.address}", file=sys.stderr, flush=True)
-    shown = ShowView(page, lambda word: _send(conductor, word))
-    heard = time.monotonic()
-    try:
+    with served(port, "Motiondeck · show") as page:
+        print(f"page: {page.address}", file=sys.stderr, flush=True)
+        # A conductor that takes no word is to be known at once.
+        shown = ShowView(page, lambda word: conductor.send(word.encode(), socket.MSG_DONTWAIT))
+        heard = time.monotonic()
         while True:
             if not select.select([conductor], [], [], 0.5)[0]:
                 if (silent := time.monotonic() - heard) > SILENT_AFTER:
@@ -112,10 +110,6 @@ def view(conductor: socket.socket, port: int) -> None:
             else:
                 shown.notify(news.text)
         shown.end()
-        page.flush()
-        time.sleep(LAST_WORD if page.get_clients() else 0.0)
-    finally:
-        page.stop()
 
 
 def _receive(conductor: socket.socket) -> bytes:
@@ -126,11 +120,6 @@ def _receive(conductor: socket.socket) -> bytes:
         return b""
 
 
-def _send(conductor: socket.socket, word: str) -> None:
-    """Says a word without waiting: a conductor that takes none is to be known at once."""
-    conductor.send(word.encode(), socket.MSG_DONTWAIT)
-
-
 def main(arguments: list[str] | None = None) -> int:
     """The command line of this process; returns its exit code."""
     parser = argparse.ArgumentParser(
@@ -139,8 +128,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--port", type=int, required=True, help="where to serve the page, on loopback")
     options = parser.parse_args(arguments)
     try:
-        # viser announces itself on standard output, which belongs to the conductor.
-        with Path(os.devnull).open("w") as nowhere, redirect_stdout(nowhere), socket.socket(fileno=os.dup(0)) as given:
+        with socket.socket(fileno=os.dup(0)) as given:
             view(given, options.port)
     except MotiondeckError as error:
         print(f"motiondeck: {error}", file=sys.stderr)

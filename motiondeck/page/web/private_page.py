@@ -7,9 +7,11 @@ happen to the panel of a robot.
 """
 
 import contextlib
+import io
 import logging
 import os
 import socket
+import time
 from collections.abc import Callable, Iterator
 from http import HTTPStatus
 from typing import Any
@@ -26,6 +28,7 @@ from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.socket_owners import owner_of_connection
 
 LOOPBACK = "127.0.0.1"
+LAST_WORD = 1.2  # s for a browser to get the end
 _HTTP = 80  # the port that browsers leave out
 
 
@@ -64,6 +67,20 @@ class PrivatePage(viser.ViserServer):
     def address(self) -> str:
         """The address of the page."""
         return f"http://{LOOPBACK}:{self.get_port()}"
+
+
+@contextlib.contextmanager
+def served(port: int, label: str) -> Iterator[PrivatePage]:
+    """A page in the block; the browsers then get what it shows last. MotiondeckError as of `PrivatePage`."""
+    # viser announces itself on standard output, which is kept for results.
+    with contextlib.redirect_stdout(io.StringIO()):
+        page = PrivatePage(port, label)
+        try:
+            yield page
+            page.flush()
+            time.sleep(LAST_WORD if page.get_clients() else 0.0)
+        finally:
+            page.stop()
 
 
 def _check_free(port: int) -> None:

@@ -29,7 +29,7 @@ def in_lines_of(tab, width):
 
 
 def test_the_page_shows_the_cues_and_its_buttons_say_words(browser, monkeypatch):
-    monkeypatch.setattr("motiondeck.page.show.viewer.LAST_WORD", 0.5)
+    monkeypatch.setattr("motiondeck.page.web.private_page.LAST_WORD", 0.5)
     monkeypatch.setattr("motiondeck.page.show.viewer.SILENT_AFTER", 60.0)  # a slow browser is there later
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     port, conductor, heard = free_port(), ShowPage(ours), []
