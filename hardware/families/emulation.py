@@ -79,6 +79,16 @@ def alone_or_mixed(bus: EmulatedServos, answers: list[Answer]) -> list[Answer]:
     return answers if len(answers) < 2 else [bus.mixed(answers)]
 
 
+def in_turn(bus: EmulatedServos, asked: Iterable[list[Answer]]) -> list[Answer]:
+    """The answers of servos that each wait for the one before: on a strict bus a silent one silences all behind it."""
+    answers: list[Answer] = []
+    for own in asked:
+        if not own and bus.strict:
+            break
+        answers += alone_or_mixed(bus, own)
+    return answers
+
+
 def sync_write(bus: EmulatedServos, family: Family, params: bytes) -> list[Answer]:
     """Carries out a sync write of `plain_frames`, which is unanswered."""
     if len(params) > 2 and params[1]:

@@ -7,7 +7,7 @@ all answer at once, and nothing can be understood. A reboot is known to MX only,
 from hardware.families import emulation
 from hardware.families import plain_frames as wire
 from hardware.families.dynamixel1.family import ANGLE_LIMIT, BAD_CHECKSUM, BAD_INSTRUCTION, FAMILY, OUT_OF_RANGE
-from hardware.families.emulation import Answer, EmulatedServo, EmulatedServos, alone_or_mixed, sync_write
+from hardware.families.emulation import Answer, EmulatedServo, EmulatedServos, alone_or_mixed, in_turn, sync_write
 from hardware.families.frames import BROADCAST, Frame
 from hardware.families.plain_frames import build
 
@@ -75,15 +75,10 @@ def _bits(error: int) -> int:
 
 
 def _bulk_read(bus: EmulatedServos, params: bytes) -> list[Answer]:
-    answers: list[Answer] = []
-    for at in range(1, len(params) - 2, 3):
-        length, id, address = params[at : at + 3]
-        own: list[Answer] = []
-        for device in bus.hearing(id, FAMILY):
-            if device.series.bulk_reads:
-                data = device.read(address, length)
-                own += _status(device, 0 if data else OUT_OF_RANGE, data or b"", 1)
-        if not own and bus.strict:
-            break
-        answers += alone_or_mixed(bus, own)
-    return answers
+    return in_turn(bus, (_read(bus, *params[at : at + 3]) for at in range(1, len(params) - 2, 3)))
+
+
+def _read(bus: EmulatedServos, length: int, id: int, address: int) -> list[Answer]:
+    frame = Frame(id, wire.READ, bytes((address, length)))
+    asked = (device for device in bus.hearing(id, FAMILY) if device.series.bulk_reads)
+    return [one for device in asked for one in _alone(bus, device, frame)]

@@ -10,7 +10,7 @@ from hardware.families import emulation
 from hardware.families.dynamixel2 import frames as wire
 from hardware.families.dynamixel2.family import FAMILY
 from hardware.families.dynamixel2.frames import ALERT, HEADER, STATUS, build_status, checksum
-from hardware.families.emulation import Answer, EmulatedServo, EmulatedServos, alone_or_mixed
+from hardware.families.emulation import Answer, EmulatedServo, EmulatedServos, alone_or_mixed, in_turn
 from hardware.families.frames import BROADCAST, Frame
 
 _NEWER_FIRMWARE = 42  # a factory reset of everything is no longer taken from a broadcast
@@ -110,24 +110,15 @@ def _write(bus: EmulatedServos, device: EmulatedServo, address: int, data: bytes
 
 
 def _sync_read(bus: EmulatedServos, params: bytes) -> list[Answer]:
-    return _in_turn(bus, [(id, params[:4]) for id in params[4:]]) if len(params) > 4 else []
+    return in_turn(bus, (_read_of(bus, id, params[:4]) for id in params[4:]))
 
 
 def _bulk_read(bus: EmulatedServos, params: bytes) -> list[Answer]:
-    return _in_turn(bus, [(block[0], block[1:]) for block in _blocks(params, 5)])
+    return in_turn(bus, (_read_of(bus, block[0], block[1:]) for block in _blocks(params, 5)))
 
 
-def _in_turn(bus: EmulatedServos, asked: list[tuple[int, bytes]]) -> list[Answer]:
-    answers: list[Answer] = []
-    for id, params in asked:
-        own: list[Answer] = []
-        for device in bus.hearing(id, FAMILY):
-            data, error = _read(device, params)
-            own += _status(device, id, error, data, 1)
-        if not own and bus.strict:
-            break
-        answers += alone_or_mixed(bus, own)
-    return answers
+def _read_of(bus: EmulatedServos, id: int, params: bytes) -> list[Answer]:
+    return _together(bus, id, Frame(id, wire.READ, params))
 
 
 def _fast_sync_read(bus: EmulatedServos, params: bytes) -> list[Answer]:

@@ -6,7 +6,7 @@ broadcast ping is answered in order of ID, as LeRobot expects it.
 
 from hardware.families import emulation
 from hardware.families import plain_frames as wire
-from hardware.families.emulation import Answer, EmulatedServo, EmulatedServos, alone_or_mixed, sync_write
+from hardware.families.emulation import Answer, EmulatedServo, EmulatedServos, alone_or_mixed, in_turn, sync_write
 from hardware.families.feetech.family import FAMILY
 from hardware.families.frames import BROADCAST, Frame
 from hardware.families.plain_frames import build
@@ -67,13 +67,5 @@ def _alone(bus: EmulatedServos, device: EmulatedServo, frame: Frame) -> list[Ans
 
 
 def _sync_read(bus: EmulatedServos, params: bytes) -> list[Answer]:
-    answers: list[Answer] = []
-    for id in params[2:]:
-        own: list[Answer] = []
-        for device in bus.hearing(id, FAMILY):
-            if (data := device.read(params[0], params[1])) is not None:
-                own.append(Answer(device.return_delay, build(id, device["hardware_error_status"], data), id))
-        if not own and bus.strict:
-            break
-        answers += alone_or_mixed(bus, own)
-    return answers
+    read = Frame(0, wire.READ, params[:2])
+    return in_turn(bus, (_together(bus, id, read) for id in params[2:]))
