@@ -1,9 +1,11 @@
 """A progress bar on a terminal, nothing in a pipe."""
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from typing import Protocol
+from typing import Protocol, TypeVar
+
+T = TypeVar("T")
 
 
 class Tick(Protocol):
@@ -46,3 +48,15 @@ def progress(words: str, total: int | None) -> Iterator[Tick]:
             bar.update(task, advance=1, description=words)
 
         yield tick
+
+
+def collected(items: Iterable[T], words: str, total: int, show: Callable[[T], object] | None = None) -> list[T]:
+    """Items that take long to make, with a bar of `total` steps; `show` is called with each as it is made."""
+    found: list[T] = []
+    with progress(words, total) as tick:
+        for item in items:
+            found.append(item)
+            if show is not None:
+                show(item)
+            tick()
+    return found

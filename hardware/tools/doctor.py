@@ -1,6 +1,6 @@
 """Diagnosis of a rig's servos, and repair of their registers."""
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
@@ -12,17 +12,16 @@ from hardware.bus.servo_bus import UNKNOWN_MODEL, Bus, Identity
 from hardware.errors import NoReplyError, RigError, ServoError
 from hardware.families.models import MODELS
 from hardware.families.series import HEAT, VOLTAGE
-from hardware.families.table import describe_errors
+from hardware.families.table import describe_errors, meaning
 from hardware.rig.driving.servo_port import longest_tick
 from hardware.rig.registers import read_register, write_each
 from hardware.rig.rig_file import RigConfig
-from hardware.rig.rig_joint import GAINS, NEAR, RigJoint
+from hardware.rig.rig_joint import GAINS, NEAR, POSITION_MODE, RigJoint
 from hardware.rig.state_block import arranged, motion
 from hardware.rig.switching import identities
 from hardware.rig.switching.audit import Difference, audit, settle
 from hardware.rig.switching.turns import recall
 from hardware.rig.turn_file import TurnFile
-from hardware.tools.actuators import describe_actuator
 from hardware.tools.backup import ServoBackup, back_up
 from hardware.tools.scan import LIKELY_BAUDS, scan
 
@@ -156,6 +155,37 @@ def _gains(joint: RigJoint, bus: Bus) -> dict[str, int]:
         return {name: read_register(joint, bus, name) for name in GAINS if name in joint.table.registers}
     except ServoError:
         return {}
+
+
+def describe_actuator(joint: RigJoint, gains: Mapping[str, int]) -> str:
+    """One line about a joint; `gains` are what its first servo has, in counts, as far as they are known."""
+    servos = f"{joint.model} (id {joint.id})"
+    if joint.second is not None:
+        way = "the same way" if joint.second.direction == joint.direction else "mirrored"
+        servos = f"two {joint.model} (id {joint.id} and {joint.second.id}, mounted {way})"
+    parts = [f"{joint.name}: {servos}", _mode(joint)]
+    if joint.current:
+        parts.append(f"{'grips with' if joint.grip else 'at most'} {joint.current:g} A")
+    if joint.gear != 1.0:
+        parts.append(f"gear {joint.gear:g}")
+    known = [f"{letter} {gains[name]}" for name, letter in zip(GAINS, "PID", strict=True) if name in gains]
+    if known:
+        parts.append(f"gains {' '.join(known)} {'of the rig file' if joint.gains else 'as the servo has them'}")
+    return ", ".join(parts)
+
+
+def _mode(joint: RigJoint) -> str:
+    name = "position"
+    if joint.modes:
+        name = f"{meaning(joint.table, joint.table['operating_mode'], joint.mode)} mode ({joint.mode})"
+    low, high = joint.ends
+    if joint.several_turns:
+        why = f"its horn goes through {(high - low) / joint.table.pulses_per_turn:.1f} turns"
+    elif joint.in_one_turn:
+        why = "its range lies within one turn" if joint.mode == POSITION_MODE else "it keeps its limit of current"
+    else:
+        why = "its range crosses the end of one turn"
+    return f"{name}: {why}"
 
 
 def _no_answer(bus: Bus) -> str:

@@ -101,14 +101,14 @@ def play(
 
 
 def _check_for_film(spec: RunSpec) -> None:
-    if spec.rig is not None:
-        raise MotiondeckError("a film is not made live, so nothing can be streamed to a rig: leave --rig or --video")
-    if spec.record is not None:
-        raise MotiondeckError("a film is not made live, so there are no ticks to record: leave --record or --video")
-    if spec.outputs:
-        raise MotiondeckError("a film is not made live, so no output gets targets: leave --output or --video")
-    if spec.recognize or spec.recognizer is not None:
-        raise MotiondeckError("in a film nothing is measured to be recognized: leave the recognition or --video")
+    for asked, lack in (
+        (spec.rig, "a film is not made live, so nothing can be streamed to a rig: leave --rig"),
+        (spec.record, "a film is not made live, so there are no ticks to record: leave --record"),
+        (spec.outputs, "a film is not made live, so no output gets targets: leave --output"),
+        (spec.recognize or spec.recognizer, "in a film nothing is measured to be recognized: leave the recognition"),
+    ):
+        if asked:
+            raise MotiondeckError(f"{lack} or --video")
 
 
 def _play_live(spec: RunSpec, program: Program, page: PageProcess | None, *, quiet: bool, as_json: bool) -> Session:

@@ -76,9 +76,10 @@ def preflight(
     from controller.library.motion_library import load_library
     from controller.wire.messages.arguments import TEMPO
     from motiondeck.cli.common.library_report import print_errors
-    from motiondeck.cli.common.verdict_report import made, print_verdict, print_verdicts
+    from motiondeck.cli.common.verdict_report import print_verdict, print_verdicts
     from motiondeck_base.errors import MotiondeckError
     from motiondeck_base.jobs import Jobs
+    from motiondeck_base.progress import collected
     from sim.physics.physics_model import check_root
     from sim.robots.verdict import SLOWEST, summed
 
@@ -88,13 +89,13 @@ def preflight(
     where, judged = Jobs.parse(jobs) if jobs is not None else None, run.judged
     library = load_library(judged.library)
     names, learned = list(library.network.motions), {motion.name: motion for motion in library.info.motions}
-    motions = made(judged.motions(names, where), "motions", len(names), None if as_json else print_verdict)
+    motions = collected(judged.motions(names, where), "motions", len(names), None if as_json else print_verdict)
     switches: list[RobotVerdict] = []
     if not motions_only:
         from motiondeck.run.sampled_motions import count_switches, switches_by_way_of
 
         direct = judged.switches(names, where)
-        switches = made(direct, "switches", count_switches(library), None if as_json else _print_failing)
+        switches = collected(direct, "switches", count_switches(library), None if as_json else _print_failing)
         switches += _by_their_parts({v.name: v for v in (*motions, *switches)}, switches_by_way_of(library), run.tempo)
     ok = all(verdict.ok for verdict in (*motions, *switches))
     errors = {name: msgspec.to_builtins(motion.against_recording) for name, motion in learned.items()}

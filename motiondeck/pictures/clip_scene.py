@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -30,22 +31,16 @@ def act_of(clip: Clip, robot: Path | None, ghost: bool = True) -> Act:
 
     MotiondeckError if the robot cannot be loaded, or cannot be fitted to this body.
     """
-    from motiondeck.page.body.footprints import footprints, soles, standing
-    from motiondeck.page.clip_page import Act
-    from sim.models.scenery import body_height
-
     model, qpos, joints, feet = _alone(clip) if robot is None else _beside(clip, robot)
     if ghost:
         _fade(model)
     for light in range(model.nlight):
         # One lamp is enough for two bodies.
         model.light_active[light] = "/" not in model.light(light).name
-    corners = soles(model, qpos, feet)
-    stands = standing(corners, clip.rate, body_height(model))
     parent = clip.skeleton.parent + 1
     bones = np.stack([joints[:, parent], joints[:, 1:]], axis=2)
     title = f"Motiondeck · {clip.name}" + ("" if robot is None else f" · {robot.stem}")
-    return Act(title, model, qpos, clip.rate, bones, footprints(model, corners, stands), stands, corners)
+    return _stepping(title, model, qpos, clip.rate, bones, feet)
 
 
 def act_of_recording(recording: RunRecording, robot: Robot) -> Act:
@@ -53,9 +48,7 @@ def act_of_recording(recording: RunRecording, robot: Robot) -> Act:
 
     MotiondeckError if nothing was recorded, or it was another robot's.
     """
-    from motiondeck.page.body.footprints import footprints, soles, standing
     from motiondeck.page.clip_page import Act
-    from sim.models.scenery import body_height
     from sim.physics.physics_model import feet_of
 
     fields = recording.fields
@@ -76,9 +69,18 @@ def act_of_recording(recording: RunRecording, robot: Robot) -> Act:
     if placed is None and robot.footing is not None:
         # Where its feet stood tells the whole pose, of which version 1 recorded the human's root alone.
         return Act(title, model, qpos, rate / thin, no_bones)
-    corners = soles(model, qpos, feet_of(robot))
-    stands = standing(corners, rate / thin, body_height(model))
-    return Act(title, model, qpos, rate / thin, no_bones, footprints(model, corners, stands), stands, corners)
+    return _stepping(title, model, qpos, rate / thin, no_bones, feet_of(robot))
+
+
+def _stepping(title: str, model: mujoco.MjModel, qpos: Array, rate: float, bones: Array, feet: Sequence[Foot]) -> Act:
+    """A scene with what the feet do and leave on the floor."""
+    from motiondeck.page.body.footprints import footprints, soles, standing
+    from motiondeck.page.clip_page import Act
+    from sim.models.scenery import body_height
+
+    corners = soles(model, qpos, feet)
+    stands = standing(corners, rate, body_height(model))
+    return Act(title, model, qpos, rate, bones, footprints(model, corners, stands), stands, corners)
 
 
 def _alone(clip: Clip) -> tuple[mujoco.MjModel, Array, Array, list[Foot]]:

@@ -1,28 +1,14 @@
 """Verdicts as text: a line for each as it is made, then a table, what fails at every tempo, and what helps."""
 
 import sys
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from motiondeck.cli.common.tables import show_table
-from motiondeck_base.progress import progress
+from motiondeck_base.progress import collected
 from sim.robots.verdict import QUESTIONS, REMEDIES, RobotVerdict, summed
 
 _COLOURS = {"plays": "green", "does not fit": "red", "yes": "green", "not judged": "dim"}
-
-
-def made(
-    verdicts: Iterable[RobotVerdict], what: str, count: int, show: Callable[[RobotVerdict], None] | None = None
-) -> list[RobotVerdict]:
-    """Takes verdicts as they are made, with a progress bar of `count` steps; `show` is called with each."""
-    found: list[RobotVerdict] = []
-    with progress(what, count) as tick:
-        for verdict in verdicts:
-            found.append(verdict)
-            if show is not None:
-                show(verdict)
-            tick()
-    return found
 
 
 def verdicts_on(robot: str | None, library: Path, names: Sequence[str]) -> list[RobotVerdict]:
@@ -31,7 +17,7 @@ def verdicts_on(robot: str | None, library: Path, names: Sequence[str]) -> list[
         return []
     from motiondeck.run.verdicts import Judged
 
-    return made(Judged.of(library, robot).motions(names), "verdicts", len(names))
+    return collected(Judged.of(library, robot).motions(names), "verdicts", len(names))
 
 
 def print_verdict(verdict: RobotVerdict) -> None:

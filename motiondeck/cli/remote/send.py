@@ -17,6 +17,7 @@ from controller.wire.messages.command_table import COMMANDS
 
 if TYPE_CHECKING:
     from controller.wire.command_socket import CommandClient
+    from controller.wire.messages.replies import State
 
 _LONGEST_WAIT = 120.0  # s for --wait: a switch by way of other motions takes that long
 _STARTING = 5.0  # s that a deck may take from opening its socket to its first tick
@@ -168,6 +169,19 @@ def events(
                 client.post(Subscribe())
     finally:
         client.close()
+
+
+def state_of(client: CommandClient) -> State:
+    """What a deck plays, which may be starting still; MotiondeckError if it does not say so."""
+    from controller.wire.messages.commands import GetStatus
+    from controller.wire.messages.replies import State
+    from motiondeck.run.terminal import describe
+    from motiondeck_base.errors import MotiondeckError
+
+    state = client.request(GetStatus(), _STARTING)
+    if not isinstance(state, State):
+        raise MotiondeckError(f"the deck did not report what it plays: {describe(state)}")
+    return state
 
 
 def client_of(command_port: int, host: str | None, token_file: Path | None) -> CommandClient:

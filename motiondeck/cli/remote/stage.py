@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 from typer import Argument
 
 from controller.wire.command_socket import DEFAULT_PORT
-from motiondeck.cli.remote.send import CommandPort, Host, TokenFile, client_of
+from motiondeck.cli.remote.send import CommandPort, Host, TokenFile, client_of, state_of
 from motiondeck_base.counted import counted
 from motiondeck_base.printable import printable
 
@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from controller.wire.messages.replies import Reply
     from motiondeck.stage.signals import Input
     from motiondeck.stage.stage_file import StageMap
-
-_STARTING = 5.0  # s that a deck may take from opening its socket to its first tick
 
 
 class Sparing:
@@ -91,14 +89,9 @@ def stage(
 
 
 def _check_motions(mapped: StageMap, path: Path, client: CommandClient) -> None:
-    from controller.wire.messages.commands import GetStatus
-    from controller.wire.messages.replies import State
-    from motiondeck.run.terminal import describe
-    from motiondeck_base.errors import FileFormatError, MotiondeckError, UnknownNameError
+    from motiondeck_base.errors import FileFormatError, UnknownNameError
 
-    state = client.request(GetStatus(), _STARTING)
-    if not isinstance(state, State):
-        raise MotiondeckError(f"the deck did not report what it plays: {describe(state)}")
+    state = state_of(client)
     named = {motion: pattern for pattern in mapped.patterns for motion in pattern.motions}
     problems = [
         f"'{pattern.text}': {UnknownNameError.among('motion', motion, state.motions)}"

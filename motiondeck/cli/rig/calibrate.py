@@ -13,7 +13,7 @@ from typer import Option
 
 from motiondeck.cli.rig.line_input import LineInput
 from motiondeck.cli.rig.rig_port import PortOption, RigArgument, ended_by_sigterm, load, open_buses
-from motiondeck_base.errors import MotiondeckError
+from motiondeck_base.files import check_folder
 
 if TYPE_CHECKING:
     from hardware.bus.servo_bus import Bus
@@ -47,8 +47,7 @@ def calibrate(
     from hardware.tools.rig_writing import save_rig
 
     config = load(rig)
-    if not out.parent.is_dir():
-        raise MotiondeckError(f"{out.parent}: there is no such folder to write the rig file to")
+    check_folder(out)
     part = out.with_name(f"{out.name}.part")
     typed = LineInput()
     servos = config.servos

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import signal
-import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -15,7 +14,7 @@ import typer
 from typer import Option
 
 from motiondeck.cli.common.options import JsonOption
-from motiondeck.cli.rig.rig_port import PortOption, RigArgument, handled, load
+from motiondeck.cli.rig.rig_port import PortOption, RigArgument, aside, handled, load
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
 
 if TYPE_CHECKING:
@@ -60,7 +59,7 @@ def identify(
     for name in joint or ():
         if name not in config.names:
             raise UnknownNameError.among("joint of this rig", name, config.names)
-    found = _measure(config, joint or config.names, port or [], _say if as_json else print)
+    found = _measure(config, joint or config.names, port or [], aside if as_json else print)
     target = None if dry_run else out or source
     kept = None
     if target is not None:
@@ -95,11 +94,11 @@ def _measure(
                     f"{one.before * 1e3:.1f}, {one.after * 1e3:.1f}"
                 )
         except Stopped:
-            _say("motiondeck: the joint was braked; nothing is written.")
+            aside("motiondeck: the joint was braked; nothing is written.")
             raise typer.Exit(128 + received[0]) from None
         finally:
             if unconfirmed := rig.close():
-                _say(f"motiondeck: torque may still be on: {', '.join(unconfirmed)}. Cut the power.")
+                aside(f"motiondeck: torque may still be on: {', '.join(unconfirmed)}. Cut the power.")
     return found
 
 
@@ -116,8 +115,3 @@ def _signals() -> Iterator[list[int]]:
     received: list[int] = []
     with handled(lambda number, frame: received.append(number), signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         yield received
-
-
-def _say(line: str) -> None:
-    """Prints to stderr, because stdout carries the result."""
-    print(line, file=sys.stderr, flush=True)

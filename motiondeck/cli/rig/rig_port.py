@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING, Annotated
@@ -26,6 +27,11 @@ def load(rig: str) -> RigConfig:
     from motiondeck_base.shipped import find_rig
 
     return load_rig(find_rig(rig))
+
+
+def aside(line: str) -> None:
+    """Prints to stderr, because stdout carries the result."""
+    print(line, file=sys.stderr, flush=True)
 
 
 @contextmanager

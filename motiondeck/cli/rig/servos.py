@@ -11,6 +11,7 @@ from typer import Argument, Option
 
 from motiondeck.cli.common.options import JsonOption
 from motiondeck_base.errors import MotiondeckError
+from motiondeck_base.files import check_folder
 
 if TYPE_CHECKING:
     from hardware.tools.scan import Found
@@ -181,5 +182,4 @@ def _warn_of_garbled(baud: int) -> None:
 def _refuse_existing(out: Path) -> None:
     if out.exists():
         raise MotiondeckError(f"{out} exists already: remove it, or give another name")
-    if not out.parent.is_dir():
-        raise MotiondeckError(f"{out.parent}: there is no such folder to write the rig file to")
+    check_folder(out)

@@ -17,8 +17,9 @@ from typer import Option
 
 from motiondeck.cli.common.options import JsonOption
 from motiondeck.cli.rig.line_input import LineInput
-from motiondeck.cli.rig.rig_port import PortOption, RigArgument, ended_by_sigterm, load, open_buses
+from motiondeck.cli.rig.rig_port import PortOption, RigArgument, aside, ended_by_sigterm, load, open_buses
 from motiondeck_base.errors import MotiondeckError
+from motiondeck_base.files import check_folder
 
 if TYPE_CHECKING:
     from controller.motion.clip import Plays
@@ -85,8 +86,7 @@ def teach(
     folder = out.is_dir() or not out.suffix
     if out.suffix != ".clip" and not folder:
         raise MotiondeckError(f"{out}: give a name that ends in .clip or .toml, or a folder for several clips")
-    if not out.parent.is_dir():
-        raise MotiondeckError(f"{out.parent}: there is no such folder to write the clip to")
+    check_folder(out)
     if seconds is not None and folder:
         raise MotiondeckError(f"--seconds records one motion: give it a file, not the folder {out}")
     if seconds is not None and not 0.0 < seconds < 3600.0:
@@ -198,11 +198,11 @@ class _Session:
             try:
                 check_name(name, folder)
             except FileFormatError as error:
-                self._say(str(error).removeprefix(f"{folder}: "))
+                aside(str(error).removeprefix(f"{folder}: "))
                 continue
             out = folder / f"{name}.clip"
             if out.exists():
-                self._say(f"{out.name} exists already: this will be another take of it, {_next_take(out).name}")
+                aside(f"{out.name} exists already: this will be another take of it, {_next_take(out).name}")
             self.record_takes(parts, out, _next_take(out) if out.exists() else out)
 
     def record_takes(self, parts: list[tuple[RigConfig, Bus]], out: Path, file: Path) -> None:
@@ -217,7 +217,7 @@ class _Session:
             except RigError as error:
                 if self.cut_short:
                     raise
-                self._say(f"{error} Once more.")
+                aside(f"{error} Once more.")
                 continue
             if file != out and self.plays is None:
                 recording.plays = read_taught_clip(out).plays or "loop"  # takes of a motion are learned alike
@@ -244,9 +244,9 @@ class _Session:
         """Describes a recording and prompts for what to do: "" (save), "take", "again" or "drop"."""
         rate = self.config.rate_hz
         while True:
-            self._say(f"{file.stem}: {recording.describe(rate)}")
+            aside(f"{file.stem}: {recording.describe(rate)}")
             for line in self._doubts(recording, file):
-                self._say(f"note: {line}")
+                aside(f"note: {line}")
             choice = self.typed.ask(f"{_CHOICES}: ")
             match choice:
                 case "" | "take" | "again" | "drop":
@@ -256,7 +256,7 @@ class _Session:
                 case "once" | "loop":
                     recording.plays = choice
                 case _:
-                    self._say(f"unknown choice '{choice}'")
+                    aside(f"unknown choice '{choice}'")
 
     def _doubts(self, recording: _Recording, file: Path) -> list[str]:
         from controller.learning.preparation.takes import join_takes, motion_of
@@ -288,14 +288,14 @@ class _Session:
 
         moments = []
         if seconds is None:
-            self._say("Recording. Press Enter to end ")
+            aside("Recording. Press Enter to end ")
         try:
             for moment in watch_hands(self.config, parts, time.sleep):
                 moments.append(moment)
                 if moment.time >= seconds if seconds is not None else self.typed.take() is not None:
                     break
         except KeyboardInterrupt:
-            self._say("")
+            aside("")
         except (RigError, SerialPortError) as error:
             self.cut_short = str(error)
         except SystemExit:
@@ -336,11 +336,6 @@ class _Session:
         for warning in [] if shown else warnings:
             print(f"note: {warning}; played, it will be held back")
         print(f"wrote {out}: {recording.describe(rate)}, {len(config.names)} joints at {rate:g} Hz", flush=True)
-
-    @staticmethod
-    def _say(line: str) -> None:
-        """Prints to stderr, because stdout carries the result."""
-        print(line, file=sys.stderr, flush=True)
 
 
 def _next_take(out: Path) -> Path:

@@ -245,18 +245,14 @@ def check(
     from motiondeck.cli.robot.check import answer, passes, print_rows, recordings
     from motiondeck.cli.robot.check import check as rows_of
     from motiondeck.run.spec.run_spec import check_seconds
-    from motiondeck_base.progress import progress
+    from motiondeck_base.progress import collected
     from sim.models.robot_file import solver_named
     from sim.robots.catalogue import find_robot
 
     check_seconds(seconds)
     named = solver_named(solver)
     found = recordings(files)
-    rows = []
-    with progress("carrying", len(found)) as tick:
-        for row in rows_of(find_robot(robot), found, named, seconds):
-            rows.append(row)
-            tick()
+    rows = collected(rows_of(find_robot(robot), found, named, seconds), "carrying", len(found))
     if as_json:
         judged = [row | {"verdict": row["verdict"].row()} if "verdict" in row else row for row in rows]
         print(json.dumps({"robot": robot, "solver": solver, "verdict": answer(rows), "recordings": judged}))

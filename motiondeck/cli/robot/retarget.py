@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -13,7 +15,10 @@ from motiondeck.cli.common.options import JobsOption, JsonOption, SolverOption
 from motiondeck_base.counted import counted
 
 if TYPE_CHECKING:
+    from sim.models.robot_file import Solver
+    from sim.physical.files import StoodFile
     from sim.robots.retarget_files import RetargetedFile
+    from sim.robots.training_files import Format
 
 SEGMENTS = ("thigh", "shank", "upper_arm", "forearm")
 
@@ -61,9 +66,8 @@ def retarget(
       motiondeck retarget walk.bvh --robot g1.toml --out motions --physical
     """
     from controller.learning.learn import recordings_in
-    from motiondeck.cli.robot.physical import report, stand
     from motiondeck_base.jobs import Jobs
-    from motiondeck_base.progress import progress
+    from motiondeck_base.progress import collected
     from sim.models.robot_file import solver_named
     from sim.robots.catalogue import find_robot
     from sim.robots.retarget_files import retarget_files
@@ -72,13 +76,10 @@ def retarget(
     named, how, where = format_named(format), solver_named(solver), Jobs.parse(jobs)
     if physical:
         stood = stand(recordings_in(recordings), find_robot(robot), out, named, how)
-        report(stood, robot, out, as_json)
+        report_stood(stood, robot, out, as_json)
         raise typer.Exit(int(any(row.error for row in stood)))
-    rows: list[RetargetedFile] = []
-    with progress("retargeting", len(recordings_in(recordings))) as tick:
-        for row in retarget_files(find_robot(robot), recordings, out, named, how, where):
-            rows.append(row)
-            tick()
+    carried = retarget_files(find_robot(robot), recordings, out, named, how, where)
+    rows = collected(carried, "retargeting", len(recordings_in(recordings)))
     rows.sort(key=lambda row: row.recording)
     if as_json:
         import msgspec
@@ -131,3 +132,44 @@ def print_rows(rows: list[RetargetedFile], out: Path) -> None:
 def _worse(limbs: dict[str, tuple[float, float]], segment: str) -> str:
     both = [limbs[name] for name in (f"r_{segment}", f"l_{segment}") if name in limbs]
     return f"{max(mean for mean, _ in both):.0f}/{max(worst for _, worst in both):.0f}" if both else ""
+
+
+def stand(recordings: Sequence[Path], robot: Path, out: Path, format: Format, solver: Solver | None) -> list[StoodFile]:
+    """Looks for each recording's motion on the robot's feet; a terminal shows how far it is."""
+    from rich.console import Console
+    from rich.progress import Progress, TextColumn, TimeElapsedColumn
+
+    from sim.physical.files import stood_files
+
+    columns = (TextColumn("{task.description}"), TimeElapsedColumn())
+    with Progress(*columns, console=Console(stderr=True), disable=not sys.stderr.isatty(), transient=True) as bar:
+        task = bar.add_task("")
+
+        def progress(name: str, seconds: float) -> None:
+            bar.update(task, description=f"{name}: stands for {seconds:.1f} s")
+
+        return [*stood_files(robot, recordings, out, format, solver, progress=progress)]
+
+
+def report_stood(rows: list[StoodFile], robot: str, out: Path, as_json: bool) -> None:
+    """Prints the rows as a table, or as JSON."""
+    from motiondeck.cli.common.tables import show_table
+
+    if as_json:
+        import msgspec
+
+        print(json.dumps({"robot": robot, "recordings": msgspec.to_builtins(rows)}))
+        return
+    lines = []
+    for row in rows:
+        if row.error is None:
+            plain = "stands" if row.plain_s is None else f"falls at {row.plain_s:.2f} s"
+            found = f"stands, {row.seconds:.1f} s" if row.fell_s is None else f"falls at {row.fell_s:.2f} s"
+            lines.append((Path(row.recording).name, plain, found, f"{row.path_m:.2f}", f"{row.pose_deg:.0f}"))
+    show_table(("recording", "targets alone", "with offsets", "path m", "pose deg"), lines)
+    for row in rows:
+        if row.error is not None:
+            print(f"failed: {row.error}")
+    written = [row for row in rows if row.error is None]
+    stands, failed = sum(row.fell_s is None for row in written), len(rows) - len(written)
+    print(f"{counted(len(written), 'motion')} in {out}: {stands} to the end on its feet; {failed} failed")

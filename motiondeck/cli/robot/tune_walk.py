@@ -14,7 +14,7 @@ from controller.loop.safety.safety_envelope import SafetyEnvelope
 from motiondeck_base.errors import UnknownNameError
 from motiondeck_base.files import write_file
 from motiondeck_base.jobs import Jobs, spread
-from motiondeck_base.progress import progress
+from motiondeck_base.progress import collected, progress
 from motiondeck_base.shipped import find_library
 from sim.models.walk_settings import WalkSettings, with_walk_table
 from sim.physics.pushes import usual_push
@@ -34,11 +34,9 @@ def tune(file: Path, library: str, motions: list[str], seconds: float, rounds: i
             raise UnknownNameError.among("motion", motion, loaded.network.motions)
     robot = load_robot(file, loaded.skeleton)
     impulse = usual_push(robot.model)
-    with progress(f"playing {', '.join(motions)}", len(motions)) as tick:
-        courses = []
-        for motion in motions:
-            courses.append(play_course(robot, Deck(loaded, robot.retarget, motion).update, seconds, SafetyEnvelope))
-            tick()
+    decks = (Deck(loaded, robot.retarget, motion) for motion in motions)
+    played = (play_course(robot, deck.update, seconds, SafetyEnvelope) for deck in decks)
+    courses = collected(played, f"playing {', '.join(motions)}", len(motions))
 
     def walks(tried: Sequence[WalkSettings], first: int) -> list[list[Trial]]:
         tasks = [

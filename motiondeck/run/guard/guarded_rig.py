@@ -26,7 +26,7 @@ from hardware.rig.rig_file import RigConfig
 from hardware.rig.supervision.health import Incident
 from hardware.rig.supervision.servo_states import ServoStates
 from motiondeck.run.guard import messages
-from motiondeck.run.guard.messages import Begin, GuardLink, Note, States, Targets
+from motiondeck.run.guard.messages import Begin, FoundServo, GuardLink, Note, States, Targets
 
 Array = NDArray[np.float64]
 
@@ -36,14 +36,6 @@ _REPORTS_WITHIN, _WATCHES_WITHIN, _CLOSES_WITHIN = 1.0, 5.0, 15.0  # s; closing 
 _GONE = "the guard of the rig has ended. The servos' own watchdogs stop them; restart the deck"
 
 N = TypeVar("N", bound=Note)
-
-
-class FoundServo(NamedTuple):
-    """A servo on a port."""
-
-    id: int
-    model: str
-    firmware: int
 
 
 @dataclass
@@ -226,14 +218,13 @@ class GuardedRig:
             case messages.RigFailed(reason=reason):
                 self._failure = reason
             case messages.IncidentNote():
-                self.incidents.append(Incident(note.time, note.source, note.what, note.fault))
+                self.incidents.append(note.incident)
             case messages.RegistersRead(number=number):
                 awaited = self._readings.pop(number)
                 awaited.counts, awaited.failure, awaited.done = note.counts, note.failure, True
             case messages.Scanned(number=number):
                 scan = self._scans.pop(number)
-                scan.servos = [(joint, FoundServo(id, model, firmware)) for joint, id, model, firmware in note.found]
-                scan.missing, scan.failure = note.missing, note.failure
+                scan.servos, scan.missing, scan.failure = note.found, note.missing, note.failure
             case messages.ReportNote(report=report):
                 self._report = report
             case messages.RigClosed(unconfirmed=unconfirmed):

@@ -6,7 +6,7 @@ It is a pair of local sockets that carry datagrams, whole and in order.
 import socket
 from collections import deque
 from collections.abc import Callable
-from typing import Generic, TypeVar, get_args
+from typing import Generic, NamedTuple, TypeVar, get_args
 
 import msgspec
 import numpy as np
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from controller.loop.stop_state import STOP_DOOR, Phase, StopState
 from hardware.rig.counters import RigReport
 from hardware.rig.rig_file import RigConfig
+from hardware.rig.supervision.health import Incident
 
 T = TypeVar("T")
 PHASES: tuple[Phase, ...] = get_args(Phase)
@@ -97,12 +98,9 @@ class RigFailed(msgspec.Struct, frozen=True, tag="failed"):
 
 
 class IncidentNote(msgspec.Struct, frozen=True, tag="happened"):
-    """An incident of the rig; see `Incident`."""
+    """An incident of the rig."""
 
-    time: float
-    source: str
-    what: str
-    fault: bool
+    incident: Incident
 
 
 class RegistersRead(msgspec.Struct, frozen=True, tag="registers"):
@@ -113,11 +111,19 @@ class RegistersRead(msgspec.Struct, frozen=True, tag="registers"):
     failure: str
 
 
+class FoundServo(NamedTuple):
+    """A servo on a port."""
+
+    id: int
+    model: str
+    firmware: int
+
+
 class Scanned(msgspec.Struct, frozen=True, tag="scanned"):
-    """The servos that have answered (joint, id, model, firmware), and the joints that have not; or why not."""
+    """The servos that have answered, each with its joint, and the joints that have not; or why not."""
 
     number: int
-    found: list[tuple[str, int, str, int]]
+    found: list[tuple[str, FoundServo]]
     missing: list[str]
     failure: str
 

@@ -28,7 +28,7 @@ from hardware.rig.supervision.rig import Rig
 from hardware.rig.switching.identities import PortScan
 from motiondeck.run.guard import messages
 from motiondeck.run.guard.guard import RigGuard
-from motiondeck.run.guard.messages import Begin, GuardLink, Note, Request, States, Targets
+from motiondeck.run.guard.messages import Begin, FoundServo, GuardLink, Note, Request, States, Targets
 from motiondeck_base.errors import MotiondeckError, in_words
 
 _REST_WITHIN = 5.0  # s
@@ -134,7 +134,7 @@ class GuardService:
         incidents = self._rig.incidents
         if incidents and incidents[-1] is not self._incidents:
             for incident in self._new(incidents):
-                link.send(messages.IncidentNote(*incident))
+                link.send(messages.IncidentNote(incident))
             self._incidents = incidents[-1]
         if guard.failure != self._reported_failure:
             self._reported_failure = guard.failure
@@ -148,7 +148,7 @@ class GuardService:
             yield messages.RegistersRead(number, reading.counts, reading.failure)
         for number, scan in self._scans:
             if scan.found is not None:
-                found = [(joint, one.id, one.model, one.firmware) for joint, one in scan.found]
+                found = [(joint, FoundServo(one.id, one.model, one.firmware)) for joint, one in scan.found]
                 yield messages.Scanned(number, found, scan.missing, "")
         self._scans = [one for one in self._scans if one[1].found is None]
 

@@ -24,9 +24,7 @@ from controller.wire.messages.commands import (
     Switch,
 )
 from controller.wire.messages.replies import Accepted, State
-from motiondeck.cli.remote import gamepad_device
-from motiondeck.cli.remote.gamepad import Pad, drive, gamepad, tempo_of
-from motiondeck.cli.remote.gamepad_device import Button, Stick, deflection, events, open_gamepad
+from motiondeck.cli.remote.gamepad import Button, Pad, Stick, deflection, drive, events, gamepad, open_gamepad, tempo_of
 from motiondeck_base.errors import MotiondeckError
 
 pytestmark = pytest.mark.smoke
@@ -102,9 +100,8 @@ def test_the_ends_and_the_middle_of_common_sticks():
 
 def test_our_codes_are_those_of_evdev():
     codes = pytest.importorskip("evdev").ecodes
-    ours = {
-        name: code for name, code in vars(gamepad_device).items() if name.split("_")[0] in {"EV", "SYN", "BTN", "ABS"}
-    }
+    module = vars(sys.modules[Pad.__module__])
+    ours = {name: code for name, code in module.items() if name.split("_")[0] in {"EV", "SYN", "BTN", "ABS"}}
     assert len(ours) == 14
     assert ours == {name: getattr(codes, name) for name in ours}
 
