@@ -231,6 +231,22 @@ class ServoPort:
         return True
 
 
+def close_all(ports: Sequence[ServoPort], *, hold: bool = False) -> list[str]:
+    """Closes every port, also after one has failed; returns the joints that did not confirm it."""
+    unconfirmed: list[str] = []
+    interrupted: BaseException | None = None
+    for port in reversed(ports):
+        try:
+            unconfirmed += port.close(hold=hold)
+        except Exception:  # the torque that is left on matters more than the error
+            unconfirmed += port.part.names
+        except BaseException as error:
+            interrupted = error
+    if interrupted is not None:
+        raise interrupted
+    return unconfirmed
+
+
 class _Group(NamedTuple):
     """Servos, as an index of arrays, with a register at the same place and of the same family."""
 

@@ -18,7 +18,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from functools import partial
-from types import TracebackType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,7 +29,7 @@ from hardware.rig.counters import RigFaults, RigReport, Timings
 from hardware.rig.driving.joined import JoinedMeasurements
 from hardware.rig.driving.readings import Measurements
 from hardware.rig.driving.register_reading import RegisterReading
-from hardware.rig.driving.servo_port import ServoPort
+from hardware.rig.driving.servo_port import ServoPort, close_all
 from hardware.rig.rig_file import RigConfig
 from hardware.rig.scale import Array, RigScale
 from hardware.rig.supervision.health import Health, Incident
@@ -111,9 +110,9 @@ class Rig:
             for part in config.on_ports(ports):
                 opened.append(ServoPort(config, part, open_bus(part), self._scale, by_servo, self.faults, turns(part)))
         except MotiondeckError as error:
-            raise with_torque(error, _close_all(opened)) from error
+            raise with_torque(error, close_all(opened)) from error
         except BaseException:
-            _close_all(opened)
+            close_all(opened)
             raise
         self._join()
         self.goals = self.positions.copy()
@@ -132,20 +131,13 @@ class Rig:
     def connect(cls, config: RigConfig, ports: Sequence[str] = (), spare: float = 0.0, emulated: bool = False) -> Rig:
         """Opens the ports of a rig (its file's own, unless others are given) and switches it on.
 
-        Emulated servos have come into being at their zeros, so nothing is kept of their turns.
-
-        A loop that itself keeps the joints' limits in each tick gives them a tick of `spare` time; see `JointPace`.
+        Emulated servos have come into being at their zeros, so nothing is kept of their turns. A loop that itself keeps
+        the joints' limits in each tick gives them a tick of `spare` time; see `JointPace`.
         """
         # The adapter may come back as another tty; by this name it is found again.
         names = {part.port: lasting_name(part.port) for part in config.on_ports(ports)}
         turns = (lambda part: None) if emulated else (lambda part: TurnFile.of_port(names[part.port]))
         return cls(config, lambda part: Bus.open(names[part.port], part.baud), ports=ports, spare=spare, turns=turns)
-
-    def __enter__(self) -> Rig:
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
-        self.close()
 
     @property
     def states(self) -> ServoStates:
@@ -154,9 +146,8 @@ class Rig:
         for port in self._all_ports():
             if port.gone:
                 conditions[port.joints] = np.maximum(conditions[port.joints], _NO_ANSWER)
-        temperatures, voltages = self.temperatures, self.voltages
-        shown = (self.goals, self.positions, self.currents, temperatures, voltages, measured.errors, measured.torque)
-        return ServoStates(*shown, conditions)
+        last = measured.errors, measured.torque, conditions
+        return ServoStates(self.goals, self.positions, self.currents, self.temperatures, self.voltages, *last)
 
     @property
     def incidents(self) -> Sequence[Incident]:
@@ -316,7 +307,7 @@ class Rig:
             for one in self._recoveries:
                 one.wait()
         finally:
-            unconfirmed = _close_all(self._all_ports(), hold=hold)
+            unconfirmed = close_all(self._all_ports(), hold=hold)
         return unconfirmed
 
     def _join(self) -> None:
@@ -406,19 +397,3 @@ class Rig:
                     one.port.loosen(joints)
                 except SerialPortError as error:
                     self._recover_port(one, error)
-
-
-def _close_all(ports: Sequence[ServoPort], *, hold: bool = False) -> list[str]:
-    """Closes every port, also after one has failed; returns the joints that did not confirm it."""
-    unconfirmed: list[str] = []
-    interrupted: BaseException | None = None
-    for port in reversed(ports):
-        try:
-            unconfirmed += port.close(hold=hold)
-        except Exception:  # the torque that is left on matters more than the error
-            unconfirmed += port.part.names
-        except BaseException as error:
-            interrupted = error
-    if interrupted is not None:
-        raise interrupted
-    return unconfirmed

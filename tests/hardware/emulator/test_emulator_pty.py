@@ -5,6 +5,7 @@ import subprocess
 import sys
 import threading
 import time
+from contextlib import closing
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -157,7 +158,7 @@ def test_the_rig_plays_over_the_wire(servo20_file, monkeypatch):
     server = PtyServer(EmulatedBus(config), paced=False)
     port = PumpedPort(server, clock, config.baud)
     targets = np.linspace(-0.5, 0.5, 20)
-    with Rig(config, lambda part: Bus(port, part.baud)) as rig:
+    with closing(Rig(config, lambda part: Bus(port, part.baud))) as rig:
         for _ in range(200):
             rig.collect_state()
             rig.write(targets)

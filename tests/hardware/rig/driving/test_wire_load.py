@@ -1,6 +1,7 @@
 """Rigs whose wire is too slow for their rate, judged by an emulated wire that counts who speaks into an answer."""
 
 import re
+from contextlib import closing
 
 import msgspec
 import numpy as np
@@ -45,7 +46,7 @@ def collisions(config, delay=250, seconds=1.5):
     for joint in config.joints:
         servos[joint.id]["return_delay_time"] = delay
     port.elapse(0.1)
-    with Rig(config, lambda part: bus) as rig:
+    with closing(Rig(config, lambda part: bus)) as rig:
         before = port.wire.collisions
         for tick in range(round(seconds * config.rate_hz)):
             rig.collect_state()
