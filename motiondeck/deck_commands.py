@@ -36,12 +36,8 @@ class DeckCommands(ABC, Generic[Commanded]):
     def switch(self, motion: str, *, direct: bool = False) -> Commanded:
         """Plays another motion now, or when the present one-shot has ended; the queue is cleared.
 
-        CommandError if it cannot be done now, or there is no such motion; it names the nearest. MotiondeckError if the
-        deck has ended.
-
-        Args:
-            motion: its name.
-            direct: switch at once, without motions in between.
+        With `direct` it switches at once, without motions in between. CommandError if it cannot be done now, or there
+        is no such motion; it names the nearest. MotiondeckError if the deck has ended.
         """
         return self._commanded(commands.Switch(motion, direct=direct))
 

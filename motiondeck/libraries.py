@@ -86,7 +86,6 @@ class Library:
         MotiondeckError if there is no such motion (it names the nearest), or a number is impossible.
 
         Args:
-            motion: its name.
             seconds: length, s.
             rate: frames per second, Hz; by default the library's own.
             tempo: 1 is as fast as recorded; negative plays backwards, where the network has a phase.

@@ -29,7 +29,6 @@ def read_recording(
     file, the place and the remedy.
 
     Args:
-        path: the file.
         skeleton: for .amc, the .asf file it belongs to (None looks in the same folder and the one above); for .npz,
             the body model (None takes average proportions).
         unit: length of one unit of the file, m, such as 0.01; None detects it.

@@ -63,13 +63,10 @@ class Rig:
         return rig.positions.copy()
 
     def write(self, angles: ArrayLike | Mapping[str, float]) -> None:
-        """Sends targets and returns at once.
+        """Sends targets, shape (J,), rad, or those of some joints by name; returns at once.
 
         UnknownNameError if there is no such joint; it names the nearest. RigError if the shape is wrong, an angle is
         not finite, or the rig has stopped for good.
-
-        Args:
-            angles: shape (J,), rad; or some joints by name, the others keep their target.
         """
         goal = self._targets(angles)
         self._rig.write(goal)

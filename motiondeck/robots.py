@@ -76,10 +76,7 @@ def retarget_files(
     two recordings would be written to one file, or `out` holds motions of another robot, solver or format.
 
     Args:
-        paths: recordings and folders.
-        robot: the robot to carry them onto.
         out: the folder for the files.
-        format: of the files.
         jobs: how many processes, "-1" for one per core, or a Dask cluster, "dask://HOST:PORT", that sees the folders.
     """
     yield from carry_files(

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol, runtime_checkable
+from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
@@ -28,32 +28,16 @@ from motiondeck.run.guard.messages import SERVO_ROWS
 from motiondeck.run.recognition.watches import BodyWatch, Watch
 from motiondeck.run.robots.rig_output import RigOutput
 from motiondeck.run.robots.robot_on_deck import RobotOnDeck, Simulation
+from sim.physics.playback import PhysicsPlayback
 from sim.robots.verdict import RobotVerdict
 
 MOST_FORCES = 6  # parts of the body that touch the floor
 
 
-@runtime_checkable
-class Driven(Protocol):
-    """A simulated body that servos drive; `wanted` is their target as qpos, shape (nq,)."""
-
-    wanted: Array
-
-
-@runtime_checkable
-class OnFloor(Protocol):
-    """A simulated body that stands on a floor."""
-
-    def contact_forces(self, out: Array) -> None:
-        """Writes contact points, m, and forces, N, shape (N, 6); NaN for none."""
-
-
-def on_floor(robot: RobotOnDeck) -> OnFloor | None:
+def on_floor(robot: RobotOnDeck) -> PhysicsPlayback | None:
     """The simulation of a robot that nothing holds but the floor."""
-    simulation = robot.simulation
-    if simulation.root != "free" or not isinstance(simulation.stage, OnFloor):
-        return None
-    return simulation.stage
+    stage = robot.simulation.stage
+    return stage if robot.simulation.root == "free" and isinstance(stage, PhysicsPlayback) else None
 
 
 @dataclass(frozen=True)
@@ -92,7 +76,7 @@ class PageContents:
             follower=np.zeros(others[0].robot.model.nq) if others else None,
             human_root=np.zeros(3) if human is not None else None,
             human_rotation=np.zeros((1 + len(human), 4)) if human is not None else None,
-            target=np.zeros(size) if isinstance(first.stage, Driven) else None,
+            target=np.zeros(size) if hasattr(first.stage, "wanted") else None,  # the goals of its servos
             contacts=np.zeros((MOST_FORCES, 6)) if floor is not None else None,
             activation=np.zeros(len(activation)) if activation is not None else None,
             servos=np.zeros((SERVO_ROWS, len(self.servos.rig.names))) if self.servos is not None else None,
@@ -159,7 +143,7 @@ class Page:
         # The human is shown as late as the body follows it.
         self._human = LatePoses(first.stage.behind_s)
         self._on_floor = on_floor(contents.robots[0])
-        self._driven = first.stage if isinstance(first.stage, Driven) else None
+        self._wanted: Array | None = getattr(first.stage, "wanted", None)
 
     @classmethod
     @contextmanager
@@ -191,8 +175,8 @@ class Page:
             arrays.human_root[:], arrays.human_rotation[:] = self._human.pose(loop.seconds, loop.pose)
         if arrays.activation is not None and activation is not None:
             arrays.activation[:] = activation
-        if arrays.target is not None and self._driven is not None:
-            arrays.target[:] = self._driven.wanted
+        if arrays.target is not None and self._wanted is not None:
+            arrays.target[:] = self._wanted
         if arrays.contacts is not None and self._on_floor is not None:
             self._on_floor.contact_forces(arrays.contacts)
         self._pictures += 1
