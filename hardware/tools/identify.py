@@ -126,18 +126,13 @@ def response(answers: ChirpAnswers) -> Response:
     gain = float(fitted(lag)[1][0])
     if gain < 0.2 or lag >= LATEST:
         raise RigError(f"the shaft does not move with its targets (gain {gain:.2f}, lag {lag * 1e3:.0f} ms).")
-    return Response(
-        lag, gain, _friction(lag, targets, y, current), _spread(y - targets(0.0)), _spread(y - targets(lag))
-    )
+    before, after = (float(np.std(y - targets(late))) for late in (0.0, lag))
+    return Response(lag, gain, _friction(lag, targets, y, current), before, after)
 
 
 def _direction(speed: Array) -> Array:
     """The sign of a speed (rad/s), without a jump at rest."""
     return speed / (np.abs(speed) + _SLOW)
-
-
-def _spread(error: Array) -> float:
-    return float(np.std(error))
 
 
 def _friction(lag: float, targets: Callable[[float], Array], y: Array, current: Array) -> float:

@@ -1,6 +1,7 @@
 """Scan of a bus for servos at every baud rate, of every family; and the set-up of a single one or a bag of them."""
 
 from collections.abc import Callable, Iterable
+from contextlib import closing
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
@@ -36,14 +37,11 @@ def scan(
     """
     found: list[Found] = []
     for baud in bauds:
-        bus = open_bus(baud)
-        try:
+        with closing(open_bus(baud)) as bus:
             found += [Found(baud, identity) for identity in bus.ping_all()]
             if bus.garbled:
                 on_garbled(baud)
             found += [Found(baud, identity) for identity in bus.ping_each()]
-        finally:
-            bus.close()
     return found
 
 
@@ -67,8 +65,7 @@ def set_up(
         servos = ", ".join(f"id {one.identity.id} at {one.baud}" for one in found)
         raise RigError(f"{len(found)} servos answer ({servos}). Connect the one to set up alone.")
     before = found[0]
-    bus = open_bus(before.baud)
-    try:
+    with closing(open_bus(before.baud)) as bus:
         bus.families = dict.fromkeys((before.identity.id, id), before.identity.family)
         before = Found(before.baud, _who_answers(before.identity, bus))
         check(before)
@@ -85,14 +82,9 @@ def set_up(
             _put(bus, before.identity.id, table, "id", id)
         if baud != before.baud:
             _put(bus, id, table, "baud_rate", value)
-    finally:
-        bus.close()
-    bus = open_bus(baud)
-    try:
+    with closing(open_bus(baud)) as bus:
         bus.families = {id: table.family}
         after = bus.ping(id)
-    finally:
-        bus.close()
     if after is None:
         raise NoReplyError(f"the servo does not answer as id {id} at {baud} baud. Try motiondeck rig scan.")
     return before, after

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,43 +10,25 @@ import typer
 from typer import Argument, Option
 
 from motiondeck.cli.common.options import JsonOption, RootOption
-from motiondeck.cli.common.options_class import grouped
 
 if TYPE_CHECKING:
-    from motiondeck.run.verdicts import Judged
     from sim.robots.verdict import RobotVerdict
 
 
-@dataclass(frozen=True)
-class PreflightRun:
-    """What is judged: a library on a robot, with its root, perhaps with a rig, at a tempo."""
-
+def preflight(
     library: Annotated[str, Argument(metavar="LIBRARY", help="A library file, or a shipped one by its name.")] = (
         "thesis15"
-    )
-    robot: Annotated[str, Option(metavar="ROBOT", help="A robot file or a name (`robot list`).")] = "servo20"
+    ),
+    robot: Annotated[str, Option(metavar="ROBOT", help="A robot file or a name (`robot list`).")] = "servo20",
     rig: Annotated[
         str | None, Option(metavar="RIG", help="A rig file, whose limits of position, velocity and current apply too.")
-    ] = None
-    root: RootOption = "gantry"
+    ] = None,
+    root: RootOption = "gantry",
     balance: Annotated[
         bool, Option("--balance", help="A free robot keeps its feet in place and its centre of mass above them.")
-    ] = False
-    walk: Annotated[bool, Option("--walk", help="A free robot walks where the motion goes.")] = False
-    tempo: Annotated[float, Option(metavar="TEMPO", help="The tempo to judge at, 0.1 to 3.")] = 1.0
-
-    @property
-    def judged(self) -> Judged:
-        """The same with files for names; MotiondeckError if one is missing."""
-        from motiondeck.run.verdicts import Judged
-
-        settings = {"root": self.root, "balance": self.balance, "walk": self.walk, "tempo": self.tempo}
-        return Judged.of(self.library, self.robot, self.rig, **settings)
-
-
-@grouped
-def preflight(
-    run: PreflightRun,
+    ] = False,
+    walk: Annotated[bool, Option("--walk", help="A free robot walks where the motion goes.")] = False,
+    tempo: Annotated[float, Option(metavar="TEMPO", help="The tempo to judge at, 0.1 to 3.")] = 1.0,
     jobs: Annotated[
         str | None,
         Option(
@@ -77,35 +58,37 @@ def preflight(
     from controller.wire.messages.arguments import TEMPO
     from motiondeck.cli.common.library_report import print_errors
     from motiondeck.cli.common.verdict_report import print_verdict, print_verdicts
+    from motiondeck.run.verdicts import Judged
     from motiondeck_base.errors import MotiondeckError
     from motiondeck_base.jobs import Jobs
     from motiondeck_base.progress import collected
     from sim.physics.physics_model import check_root
     from sim.robots.verdict import SLOWEST, summed
 
-    if not SLOWEST <= run.tempo <= TEMPO.highest:
-        raise MotiondeckError(f"--tempo {run.tempo:g} is not between {SLOWEST:g} and {TEMPO.highest:g}")
-    check_root(run.root, balance=run.balance, walk=run.walk)
-    where, judged = Jobs.parse(jobs) if jobs is not None else None, run.judged
-    library = load_library(judged.library)
-    names, learned = list(library.network.motions), {motion.name: motion for motion in library.info.motions}
+    if not SLOWEST <= tempo <= TEMPO.highest:
+        raise MotiondeckError(f"--tempo {tempo:g} is not between {SLOWEST:g} and {TEMPO.highest:g}")
+    check_root(root, balance=balance, walk=walk)
+    where = Jobs.parse(jobs) if jobs is not None else None
+    judged = Judged.of(library, robot, rig, root=root, balance=balance, walk=walk, tempo=tempo)
+    played = load_library(judged.library)
+    names, learned = list(played.network.motions), {motion.name: motion for motion in played.info.motions}
     motions = collected(judged.motions(names, where), "motions", len(names), None if as_json else print_verdict)
     switches: list[RobotVerdict] = []
     if not motions_only:
         from motiondeck.run.sampled_motions import count_switches, switches_by_way_of
 
         direct = judged.switches(names, where)
-        switches = collected(direct, "switches", count_switches(library), None if as_json else _print_failing)
-        switches += _by_their_parts({v.name: v for v in (*motions, *switches)}, switches_by_way_of(library), run.tempo)
+        switches = collected(direct, "switches", count_switches(played), None if as_json else _print_failing)
+        switches += _by_their_parts({v.name: v for v in (*motions, *switches)}, switches_by_way_of(played), tempo)
     ok = all(verdict.ok for verdict in (*motions, *switches))
     errors = {name: msgspec.to_builtins(motion.against_recording) for name, motion in learned.items()}
     report = {
-        "library": library.info.name,
+        "library": played.info.name,
         "robot": judged.robot.stem,
-        "root": run.root,
-        "balance": run.balance,
-        "walk": run.walk,
-        "tempo": run.tempo,
+        "root": root,
+        "balance": balance,
+        "walk": walk,
+        "tempo": tempo,
         "ok": ok,
         "motions": [verdict.row() | {"against_recording": errors[verdict.name]} for verdict in motions],
         "switches": [verdict.row() for verdict in switches],
@@ -113,12 +96,12 @@ def preflight(
     if as_json:
         print(json.dumps(report, allow_nan=False))
     else:
-        held = "free" + ", balancing" * run.balance + ", walking" * run.walk if run.root == "free" else run.root
-        print_verdicts(motions, f"{library.info.name} on {judged.robot.stem} ({held}), at tempo {run.tempo:g}")
+        held = "free" + ", balancing" * balance + ", walking" * walk if root == "free" else root
+        print_verdicts(motions, f"{played.info.name} on {judged.robot.stem} ({held}), at tempo {tempo:g}")
         if switches:
             print(f"switches: {summed(switches)}; those by way of other motions are judged by their parts")
         print("What was measured: --json. What it means: docs/physics.md. Slower: `tempo TEMPO` at the prompt.")
-        print_errors(library.info.motions)
+        print_errors(played.info.motions)
     if not ok:
         raise typer.Exit(1)
 

@@ -1,8 +1,9 @@
 """The timeline of the page: motions and events of the last minutes, and pictures of a chosen moment."""
 
-import bisect
+from bisect import bisect_left
 from collections import deque
 from itertools import pairwise
+from operator import itemgetter
 from typing import Any
 
 import viser
@@ -22,8 +23,7 @@ class Timeline:
 
     def __init__(self, parts: PageParts) -> None:
         self._part = parts.add("timeline", "timeline", heard=self._asked)
-        self._times: deque[float] = deque()
-        self._pictures: deque[Picture] = deque()
+        self._pictures: deque[tuple[float, Picture]] = deque()
         self._runs: deque[tuple[float, str]] = deque()  # when each began
         self._marks: deque[tuple[float, str, str]] = deque()
         self._moment: float | None = None
@@ -35,11 +35,9 @@ class Timeline:
         self._now = now
         if not self._runs or self._runs[-1][1] != shown:
             self._runs.append((now, shown))
-        if not self._times or now - self._times[-1] >= PICTURE_EVERY:
-            self._times.append(now)
-            self._pictures.append(picture)
-        while now - self._times[0] > SECONDS:
-            self._times.popleft()
+        if not self._pictures or now - self._pictures[-1][0] >= PICTURE_EVERY:
+            self._pictures.append((now, picture))
+        while now - self._pictures[0][0] > SECONDS:
             self._pictures.popleft()
         while len(self._runs) > 1 and now - self._runs[1][0] > SECONDS:
             self._runs.popleft()
@@ -53,10 +51,10 @@ class Timeline:
 
     def chosen(self, latest: Picture) -> Picture:
         """The picture to draw: the latest, or the one of the chosen moment."""
-        if self._moment is None or not self._times:
+        if self._moment is None or not self._pictures:
             return latest
-        place = min(bisect.bisect_left(self._times, self._moment), len(self._times) - 1)
-        return self._pictures[place]
+        place = bisect_left(self._pictures, self._moment, key=itemgetter(0))
+        return self._pictures[min(place, len(self._pictures) - 1)][1]
 
     def show(self) -> None:
         """Draws the strip, at most once in DRAWN_EVERY seconds."""
