@@ -82,9 +82,10 @@ class Rig:
             raise RigError(f"wait: seconds must be >= 0, not {seconds:g}")
         rig = self._rig
         if isinstance(rig, SimulatedRig):
-            for dt in _portions(seconds, 1.0 / self.config.rate_hz):
+            ticks = max(1, round(seconds * self.config.rate_hz))
+            for _ in range(ticks):
                 rig.request_state()
-                rig.elapse(dt)
+                rig.elapse(seconds / ticks)
             return
         now = time.monotonic()
         due = self._due = (self._due if now - self._due < seconds else now) + seconds
@@ -157,8 +158,3 @@ def open_rig(name: str | Path, servos: Servos = "real", ports: Sequence[str] = (
             raise
         if unconfirmed := connected.close():
             raise RigError(still_on(unconfirmed))
-
-
-def _portions(seconds: float, longest: float) -> list[float]:
-    count = max(1, round(seconds / longest))
-    return [seconds / count] * count

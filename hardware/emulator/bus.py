@@ -65,14 +65,10 @@ class EmulatedBus:
     """Servos on a wire."""
 
     def __init__(
-        self,
-        config: RigConfig,
-        strict: bool = True,
-        longest_gap: float | None = LONGEST_GAP,
-        plant: JointPlant | None = None,
+        self, config: RigConfig, longest_gap: float | None = LONGEST_GAP, plant: JointPlant | None = None
     ) -> None:
         """Switches all servos on at their zeros and the rig's baud rate; with a plant, where its joints are."""
-        self.strict = strict  # whether a servo keeps silent when the one before it in a sync read does
+        self.strict = True  # whether a servo keeps silent when the one before it in a sync read does
         self.baud = config.baud  # the host's, bits/s; a servo set to another hears nothing
         self.longest_gap = longest_gap  # the silence inside an instruction that the servos forgive, s; None for any
         self.time = 0.0  # up to which the servos are computed, s

@@ -187,10 +187,7 @@ def serve(
     config: RigConfig,
     announce: Callable[[str], None],
     faults: Sequence[Fault] = (),
-    paced: bool = True,
-    strict: bool = True,
     link: Path | None = None,
-    seed: int = 0,
     plant: JointPlant | None = None,
     between: Callable[[Sequence[EmulatedBus]], None] = lambda buses: None,
     goes_on: Callable[[], bool] = lambda: True,
@@ -206,14 +203,14 @@ def serve(
     """
     if plant is not None and len(config.ports) > 1:
         raise RigError(f"a rig on several ports ({', '.join(config.ports)}) cannot be coupled to one body")
-    FaultPlan(faults, seed).check([joint.id for joint in config.servos.joints])
+    FaultPlan(faults).check([joint.id for joint in config.servos.joints])
     servers: list[PtyServer] = []
     try:
         for number, part in enumerate(config.parts, 1):
             ids = [joint.id for joint in part.servos.joints]
-            plan = FaultPlan([fault for fault in faults if fault.id is None or fault.id in ids], seed)
+            plan = FaultPlan([fault for fault in faults if fault.id is None or fault.id in ids])
             name = link.with_name(f"{link.name}-{number}") if link is not None and len(config.ports) > 1 else link
-            servers.append(PtyServer(EmulatedBus(part, strict, plant=plant), plan, paced, name))
+            servers.append(PtyServer(EmulatedBus(part, plant=plant), plan, link=name))
             announce(servers[-1].port)
         while goes_on():
             pump(servers)

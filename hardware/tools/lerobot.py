@@ -66,9 +66,6 @@ def imported(motors: Mapping[str, MotorCalibration], found: Sequence[Found], por
     missing = [f"{name} (id {motor.id})" for name, motor in motors.items() if motor.id not in servos]
     if missing:
         raise RigError(f"no answer on {port} from {', '.join(missing)}. Check power and cables.")
-    bauds = sorted({servos[motor.id].baud for motor in motors.values()})
-    if len(bauds) > 1:
-        raise RigError(f"its servos answer at {' and '.join(map(str, bauds))} baud. Bring each to one: rig setup")
     joints: list[RigJoint] = []
     notes: list[str] = []
     for name, motor in motors.items():
@@ -87,7 +84,7 @@ def imported(motors: Mapping[str, MotorCalibration], found: Sequence[Found], por
             )
         joints.append(joint)
         notes += given_up
-    return assembled(joints, port, bauds[0]), notes
+    return assembled(joints, port, (servos[motor.id].baud for motor in motors.values())), notes
 
 
 def _joint(joint: RigJoint, motor: MotorCalibration) -> tuple[RigJoint, list[str]]:

@@ -45,7 +45,7 @@ def rig_of(found: Sequence[Found], port: str) -> tuple[RigConfig, list[str]]:
     if not found:
         raise RigError(f"no servo answers on {port}. Check power, cable and adapter.")
     joints: list[RigJoint] = []
-    bauds: set[int] = set()
+    bauds: list[int] = []
     left_out: list[str] = []
     for baud, servo in sorted(found, key=lambda one: one.identity.id):
         try:
@@ -53,21 +53,20 @@ def rig_of(found: Sequence[Found], port: str) -> tuple[RigConfig, list[str]]:
         except RigError as error:
             left_out.append(str(error))
         else:
-            bauds.add(baud)
+            bauds.append(baud)
     if not joints:
         raise RigError("\n".join(["no servo can be a joint of a rig.", *left_out]))
-    if len(bauds) > 1:
-        raise RigError(
-            f"servos answer at {' and '.join(map(str, sorted(bauds)))} baud. Bring each to one of them: motiondeck rig "
-            "setup"
-        )
-    return assembled(joints, port, bauds.pop()), left_out
+    return assembled(joints, port, bauds), left_out
 
 
-def assembled(joints: Iterable[RigJoint], port: str, baud: int) -> RigConfig:
-    """The rig of some joints on one port; raises RigError if they cannot share it."""
+def assembled(joints: Iterable[RigJoint], port: str, bauds: Iterable[int]) -> RigConfig:
+    """The rig of some joints on one port, which answer at these baud rates; RigError if they cannot share it."""
+    first, *others = sorted(set(bauds))
+    if others:
+        rates = " and ".join(map(str, (first, *others)))
+        raise RigError(f"servos answer at {rates} baud. Bring each to one of them: motiondeck rig setup")
     try:
-        return RigConfig(port, baud, _RATE, tuple(joints))
+        return RigConfig(port, first, _RATE, tuple(joints))
     except ValueError as error:
         raise RigError(f"{error}.") from error
 

@@ -21,15 +21,10 @@ def answer(bus: EmulatedServos, frame: Frame) -> list[Answer]:
         return _sync_read(bus, frame.params) if everybody else []
     if everybody and frame.instruction == wire.PING:
         return [one for id in bus.ids() for one in _together(bus, id, frame)]
-    if everybody:
-        for device in bus.everybody(FAMILY):
-            if frame.instruction != wire.READ:
-                _alone(bus, device, frame)
-        bus.reindex()
-        return []
-    answers = _together(bus, frame.id, frame)
+    devices = bus.everybody(FAMILY) if everybody else bus.hearing(frame.id, FAMILY)
+    answers = [one for device in devices for one in _alone(bus, device, frame)]
     bus.reindex()
-    return answers
+    return [] if everybody else alone_or_mixed(bus, answers)
 
 
 def damaged(bus: EmulatedServos, id: int) -> list[Answer]:

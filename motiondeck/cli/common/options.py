@@ -103,10 +103,10 @@ def check_new(*files: Path, force: bool, hint: str = "") -> None:
             raise MotiondeckError(f"{file} exists already; give another --out, or --force to replace it{hint}")
 
 
-def check_ending(file: Path, what: str, ending: str = ".safetensors") -> None:
+def check_ending(file: Path, what: str) -> None:
     """Checks the ending of a file to write, so that no mistake replaces a recording; MotiondeckError for another."""
-    if file.suffix.lower() != ending:
-        raise MotiondeckError(f"{file}: {what} ends in {ending}. Name the file so.")
+    if file.suffix.lower() != ".safetensors":
+        raise MotiondeckError(f"{file}: {what} ends in .safetensors. Name the file so.")
 
 
 def check_plot(plot: Path | None) -> None:

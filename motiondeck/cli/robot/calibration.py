@@ -183,7 +183,7 @@ def print_report(found: Calibration, file: Path, trial: CalibrationTrial) -> Non
     print("human: a human of the robot's height. off: the angle to the human's limb, walking and boxing.")
     for doubt in found.doubts:
         line = _line(file, doubt.part)
-        where = f" (line {line} of {file}: {_text(file, line)})" if line else ""
+        where = f" (line {line} of {file}: {file.read_text(encoding='utf-8').splitlines()[line - 1]})" if line else ""
         part = f"{doubt.part}: " if doubt.part else ""
         print(f"{'error' if doubt.fatal else 'warning'}: {part}{doubt.words}{where}")
     for cause in dict.fromkeys(trial.causes.values()):
@@ -229,10 +229,6 @@ def _line(file: Path, part: str) -> int:
     """The line of a robot file that names the body of a part, from 1; 0 if there is none."""
     lines = file.read_text(encoding="utf-8").splitlines()
     return next((k for k, line in enumerate(lines, 1) if part and line.startswith(f"{part} = ")), 0)
-
-
-def _text(file: Path, line: int) -> str:
-    return file.read_text(encoding="utf-8").splitlines()[line - 1]
 
 
 def packages(pairs: list[str]) -> dict[str, Path]:
