@@ -12,7 +12,7 @@ Group = tuple[Sequence[inspect.Parameter], Callable[..., Any]]
 
 def grouped(command: Callable[..., None]) -> Callable[..., None]:
     """A command for typer in which each parameter of a dataclass type is replaced by the fields of the dataclass."""
-    kinds = {one.name: one.annotation for one in _parameters(command) if is_dataclass(one.annotation)}
+    kinds: dict[str, Any] = {one.name: one.annotation for one in _parameters(command) if is_dataclass(one.annotation)}
     return with_groups(command, {name: (_parameters(kind), kind) for name, kind in kinds.items()})
 
 
