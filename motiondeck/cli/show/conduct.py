@@ -5,9 +5,11 @@ from __future__ import annotations
 import json
 import os
 import select
+import socket
 import sys
 import time
-from contextlib import ExitStack, closing
+from collections.abc import Iterator
+from contextlib import ExitStack, closing, contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -18,11 +20,10 @@ from motiondeck_base.counted import counted
 from motiondeck_base.printable import printable
 
 if TYPE_CHECKING:
-    from motiondeck.cli.show.show_page import ShowPage
     from motiondeck.shows.conductor import Conductor, Notify
     from motiondeck.shows.link import Link
     from motiondeck.shows.membership import Membership
-    from motiondeck.shows.show_state import DeckRow
+    from motiondeck.shows.show_state import DeckRow, ShowNotice, ShowState
 
 _HELP = "go | hold | stop (emergency stop of all) | status | DECK or GROUP COMMAND, such as: all pause | quit"
 _WITHOUT = {"go on": "play on", "hold": "pause until one is there", "stop": "make an emergency stop"}
@@ -34,6 +35,7 @@ _STOPS: dict[str, str] = {
 }
 _STOP_WITHIN = 3.0  # s for decks to be found and to say that they have stopped
 _STOP_AT_LEAST = 1.0  # s for those that are found later than the first
+_MOST_BYTES = 256  # of a word of the page
 _PAGE_EVERY = 0.2  # s between two states for the page
 
 
@@ -70,7 +72,6 @@ def conduct(
       motiondeck conduct gala.toml
       motiondeck conduct gala.toml --stop
     """
-    from motiondeck.cli.show.show_page import show_page
     from motiondeck.shows.conductor import Conductor
     from motiondeck.shows.cue_list import cue_named
     from motiondeck.shows.link import Link
@@ -115,6 +116,57 @@ def _member(show: str, file: Path, certificates: Path | None, *, listens: bool) 
     if member.name != CONDUCTOR:
         raise MotiondeckError(f"{certificates}: these are the certificates of '{member.name}', not of the conductor")
     return member
+
+
+class ShowPage:
+    """The process of a show's page: receives the state of the show, and sends its buttons as typed words.
+
+    A pair of connected sockets leads there and back. Nothing listens for either, no other program can find them, and
+    each side notices at once when the other has ended. Neither waits for the other: what there is no room for is
+    dropped.
+    """
+
+    def __init__(self, connection: socket.socket) -> None:
+        connection.setblocking(False)
+        self._connection = connection
+
+    def fileno(self) -> int:
+        """Readable when a button was pressed, for `select`."""
+        return self._connection.fileno()
+
+    def words(self) -> Iterator[str]:
+        """The words of its buttons; raises an EOFError if the page has ended."""
+        try:
+            while data := self._connection.recv(_MOST_BYTES):
+                yield data.decode(errors="replace")
+        except BlockingIOError:
+            return
+        except ConnectionResetError:
+            pass  # it was killed, and has not read a state
+        raise EOFError
+
+    def show(self, news: ShowState | ShowNotice) -> None:
+        """Sends a state or a notice."""
+        import msgspec
+
+        with suppress(OSError):
+            self._connection.send(msgspec.json.encode(news))
+
+
+@contextmanager
+def show_page(port: int) -> Iterator[ShowPage]:
+    """The page while the block runs, on 127.0.0.1, at any free port for 0; MotiondeckError if the port is taken."""
+    from motiondeck.run.beside.child_process import child_process, free_port
+
+    port = free_port(port)
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    with (
+        theirs,
+        child_process("motiondeck.page.show.viewer", "--port", str(port), stdin=theirs.fileno(), own_session=True),
+    ):
+        theirs.close()
+        with ours:
+            yield ShowPage(ours)
 
 
 def _converse(conductor: Conductor, notify: Notify, page: ShowPage | None, *, as_json: bool) -> None:

@@ -12,8 +12,7 @@ from unittest.mock import Mock
 import pytest
 
 from command_line import motiondeck
-from motiondeck.cli.show.conduct import carry_out, receive_from_page
-from motiondeck.cli.show.show_page import ShowPage
+from motiondeck.cli.show.conduct import ShowPage, carry_out, receive_from_page
 from motiondeck.shows.conductor import Conductor
 from motiondeck.shows.show_file import Show, ShowCue
 from motiondeck.shows.show_state import ShowNotice

@@ -5,7 +5,7 @@ import threading
 
 import msgspec
 
-from motiondeck.cli.show.show_page import ShowPage
+from motiondeck.cli.show.conduct import ShowPage
 from motiondeck.page.show.viewer import view
 from motiondeck.shows.show_file import ShowCue
 from motiondeck.shows.show_state import DeckRow, ShowNotice, ShowState
