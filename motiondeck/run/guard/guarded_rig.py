@@ -159,16 +159,16 @@ class GuardedRig:
 
     def switch_off(self, joint: int) -> None:
         """Has the torque taken off a joint."""
-        self._link.send(messages.SwitchTorque(joint, False))
+        self._link.send(messages.ServoDeed(joint, "switch_off"))
 
     def set_up_again(self, joint: int) -> None:
         """Has a joint set up again and switched on where it stands."""
-        self._link.send(messages.SwitchTorque(joint, True))
+        self._link.send(messages.ServoDeed(joint, "set_up_again"))
 
     def restart(self, joint: int) -> None:
         """Has the servo of a joint restarted, and set up again; raises a RigError if its model cannot be."""
         self.config.joints[joint].check_restartable()
-        self._link.send(messages.Restart(joint))
+        self._link.send(messages.ServoDeed(joint, "restart"))
 
     def registers(self, joint: int, write: tuple[str, int] | None = None) -> AwaitedRegisters:
         """Has all registers of a servo read, and before that a count written into one of them."""
@@ -200,10 +200,7 @@ class GuardedRig:
             if self._closed is None:
                 self._closed = list(self.names)
             self._link.close()
-            with contextlib.suppress(subprocess.TimeoutExpired):
-                self._process.wait(2.0)
-            self._process.kill()
-            self._process.wait()
+            _end(self._process, 2.0)
             return self._closed
         return []
 
@@ -261,10 +258,14 @@ def guard_process() -> Iterator[GuardProcess]:
         yield GuardProcess(link, process)
     finally:
         link.close()
-        with contextlib.suppress(subprocess.TimeoutExpired):
-            process.wait(_CLOSES_WITHIN)
-        process.kill()
-        process.wait()
+        _end(process, _CLOSES_WITHIN)
+
+
+def _end(process: subprocess.Popen[bytes], patience: float) -> None:
+    with contextlib.suppress(subprocess.TimeoutExpired):
+        process.wait(patience)
+    process.kill()
+    process.wait()
 
 
 def connect(link: GuardLink[Note], process: subprocess.Popen[bytes], begin: Begin) -> GuardedRig:

@@ -6,7 +6,7 @@ It is a pair of local sockets that carry datagrams, whole and in order.
 import socket
 from collections import deque
 from collections.abc import Callable
-from typing import Generic, NamedTuple, TypeVar, get_args
+from typing import Generic, Literal, NamedTuple, TypeVar, get_args
 
 import msgspec
 import numpy as np
@@ -43,17 +43,11 @@ class WatchStops(msgspec.Struct, frozen=True, tag="watch"):
     wired: str | None
 
 
-class SwitchTorque(msgspec.Struct, frozen=True, tag="torque"):
-    """Takes the torque off a joint, or has it set up again."""
+class ServoDeed(msgspec.Struct, frozen=True, tag="deed"):
+    """Does with a joint what the rig's method of this name does."""
 
     joint: int
-    on: bool
-
-
-class Restart(msgspec.Struct, frozen=True, tag="restart"):
-    """Restarts the servo of a joint."""
-
-    joint: int
+    method: Literal["switch_off", "set_up_again", "restart"]
 
 
 class QueryRegisters(msgspec.Struct, frozen=True, tag="registers"):
@@ -78,7 +72,7 @@ class CloseRig(msgspec.Struct, frozen=True, tag="close"):
     """Ends the rig as its file says, once the joints are at rest."""
 
 
-Request = Begin | WatchStops | SwitchTorque | Restart | QueryRegisters | QueryPorts | QueryReport | CloseRig
+Request = Begin | WatchStops | ServoDeed | QueryRegisters | QueryPorts | QueryReport | CloseRig
 
 
 class Connected(msgspec.Struct, frozen=True, tag="ready"):

@@ -90,13 +90,8 @@ class GuardService:
                 link.send(messages.ReportNote(rig.report))
             case messages.WatchStops():
                 self._watch(request)
-            case messages.SwitchTorque(joint=joint, on=on):
-                if on:
-                    rig.set_up_again(joint)
-                else:
-                    rig.switch_off(joint)
-            case messages.Restart(joint=joint):
-                rig.restart(joint)
+            case messages.ServoDeed(joint=joint, method=method):
+                getattr(rig, method)(joint)
             case messages.QueryRegisters(number=number, joint=joint, write=write):
                 try:
                     self._readings.append((number, rig.registers(joint, write)))
