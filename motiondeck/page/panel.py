@@ -149,21 +149,17 @@ class Panel:
         self.parts = PageParts(page)
         # What happens and how to stop it stand first, so that they are visible in a small window too.
         self._line = gui.add_html("")
-        self._estop = gui.add_button(
-            "Emergency stop", icon=viser.Icon.ALERT_OCTAGON, color=STOPS, hint=BY_WORD["estop"].help + " Key: Esc."
-        )
+        icons, helps = viser.Icon, {word: command.help for word, command in BY_WORD.items()}
+        stop, pause, step = f"{helps['estop']} Key: Esc.", f"{helps['pause']} Key: space.", f"{STEPS} Key: S."
+        self._estop = gui.add_button("Emergency stop", icon=icons.ALERT_OCTAGON, color=STOPS, hint=stop)
         self._estop.on_click(self._stop_or_ask)
-        self._pause = gui.add_button(
-            "Pause", icon=viser.Icon.PLAYER_PAUSE, color="gray", hint=BY_WORD["pause"].help + " Key: space."
-        )
+        self._pause = gui.add_button("Pause", icon=icons.PLAYER_PAUSE, color="gray", hint=pause)
         self._pause.on_click(lambda _: self._pause_or_resume())
-        self._home = gui.add_button("Home", icon=viser.Icon.HOME, color="gray", hint=BY_WORD["home"].help)
+        self._home = gui.add_button("Home", icon=icons.HOME, color="gray", hint=helps["home"])
         self._home.on_click(lambda _: self.send(say.Home()))
-        self._end = gui.add_button("End run", icon=viser.Icon.PLAYER_STOP, color="gray", hint=BY_WORD["stop"].help)
+        self._end = gui.add_button("End run", icon=icons.PLAYER_STOP, color="gray", hint=helps["stop"])
         self._end.on_click(self._ask_to_end)
-        self._step = gui.add_button(
-            "Step", icon=viser.Icon.PLAYER_SKIP_FORWARD, color="gray", visible=False, hint=STEPS + " Key: S."
-        )
+        self._step = gui.add_button("Step", icon=icons.PLAYER_SKIP_FORWARD, color="gray", visible=False, hint=step)
         self._step.on_click(lambda _: self.send(say.StepOn(seconds=STEP)))
         self.motion_controls = MotionControls(
             self.parts,
@@ -188,13 +184,8 @@ class Panel:
             self._health = gui.add_html("")
         self._recognition = gui.add_html("") if about.recognizable else None
         self._add_keys()
-        self._controls = [
-            (self._tempo, BY_WORD["tempo"]),
-            (self._pause, BY_WORD["pause"]),
-            (self._home, BY_WORD["home"]),
-        ]
-        if self._tap is not None:
-            self._controls.append((self._tap, BY_WORD["beat"]))
+        controls = {"tempo": self._tempo, "pause": self._pause, "home": self._home, "beat": self._tap}
+        self._controls = [(control, BY_WORD[word]) for word, control in controls.items() if control is not None]
 
     def _add_layers(self, groups: list[str]) -> None:
         gui = self._page.gui

@@ -158,11 +158,7 @@ def run_report(
     full["limited"] = {joint: count for joint, count in zip(joints, changed, strict=True) if count}
     full["switches"] = [
         {
-            "to": switch.to,
-            "commanded_s": switch.commanded_s,
-            "first_change_s": switch.first_change_s,
-            "settled_s": switch.settled_s,
-            "after": switch.after,
+            **{name: getattr(switch, name) for name in ("to", "commanded_s", "first_change_s", "settled_s", "after")},
             "via": list(switch.via),
             **({"blend": [list(part) for part in switch.blend]} if switch.blend else {}),
             **({"fell_back": switch.fell_back} if switch.fell_back else {}),
