@@ -15,8 +15,7 @@ from controller.deck.motion_generator import MotionGenerator
 from controller.library.motion_library import MotionLibrary, save_library
 from controller.library.motion_library import load_library as load_library_file
 from controller.motion.canonical.canonical_body import carried
-from controller.motion.clip import Clip
-from controller.motion.posture import walked_clip
+from controller.motion.clip import Clip, walked_clip
 from controller.motion.skeleton import Skeleton
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.shipped import find_library

@@ -19,7 +19,7 @@ from controller.loop.commands.commanded_run import CommandedRun, Outcome, mode_e
 from controller.loop.run_phases import Source, safe_targets
 from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.loop.stop_requests import StopRequest
-from controller.motion.posture import Pose
+from controller.motion.skeleton import Pose
 from controller.wire.messages import commands
 from controller.wire.messages.arguments import CommandError
 from controller.wire.messages.command_table import checked, parse_command

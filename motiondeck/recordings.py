@@ -5,10 +5,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Literal
 
-from controller.motion.clip import Clip
+from controller.motion.clip import Clip, ReadingOptions
 from controller.motion.formats.reading import read_clip
 from controller.motion.formats.writing import write_clip
-from controller.motion.reading_options import ReadingOptions
 from controller.motion.skeleton import Skeleton
 from motiondeck_base.errors import MotiondeckError
 

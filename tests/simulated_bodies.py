@@ -3,9 +3,8 @@
 import numpy as np
 from hypothesis import strategies as st
 
-from controller.motion.posture import Pose
 from controller.motion.rotations import from_rotation_vector, multiply, normalise
-from controller.motion.skeleton import Skeleton
+from controller.motion.skeleton import Pose, Skeleton
 from motiondeck_base.shipped import shipped_configs
 
 ROBOTS = shipped_configs() / "robots"

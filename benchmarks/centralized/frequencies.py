@@ -25,10 +25,9 @@ from benchmarks.papers.vakulenko_plots import draw_lines
 from controller.library.motion_library import load_library, save_library
 from controller.motion.canonical.canonical_body import carried
 from controller.motion.canonical.clip_edits import span
-from controller.motion.clip import Clip
+from controller.motion.clip import Clip, ReadingOptions
 from controller.motion.encodings.encoding import encoding_of
 from controller.motion.formats.reading import read_clip, recordings_below
-from controller.motion.reading_options import ReadingOptions
 from controller.motion.rotations import Array
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.jobs import Jobs, spread

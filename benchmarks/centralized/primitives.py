@@ -19,9 +19,9 @@ from threadpoolctl import threadpool_limits
 from benchmarks import command
 from benchmarks.papers.vakulenko import hands_and_feet
 from controller.learning.centralized.motion_training import learn_primitive
+from controller.motion.clip import ReadingOptions
 from controller.motion.formats.acclaim.amc import skeleton_of
 from controller.motion.formats.reading import read_clip
-from controller.motion.reading_options import ReadingOptions
 from controller.motion.rotations import Array
 
 FRAMES = 100

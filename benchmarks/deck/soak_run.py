@@ -30,8 +30,8 @@ from controller.loop.loop import LoopState, run
 from controller.loop.output_channel import Channel
 from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.loop.stop_requests import StopRequest
-from controller.motion.posture import Pose
 from controller.motion.rotations import Array
+from controller.motion.skeleton import Pose
 from controller.wire.command_socket import CommandServer
 from controller.wire.local_transport import command_folder
 from controller.wire.messages.commands import (

@@ -30,8 +30,8 @@ from benchmarks.recordings.defect_kinds import FURTHER, ISSUE, Defect, Spoilt
 from benchmarks.recordings.odd_bodies import Body, of_acclaim
 from controller.learning.recording_analysis import AnalysedRecording, analyse_recording
 from controller.motion.canonical.canonical_body import CANONICAL_BONES, to_canonical
+from controller.motion.clip import AS_FOUND, ReadingOptions
 from controller.motion.joint_tree import SeveralPeopleError
-from controller.motion.reading_options import AS_FOUND, ReadingOptions
 from controller.motion.rotations import normalise
 from motiondeck_base.errors import MotiondeckError
 

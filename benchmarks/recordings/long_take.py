@@ -28,9 +28,8 @@ from benchmarks.recordings.cuts import FAR, NEAR, Borders, Trial, trials_in
 from controller.learning.recording_analysis import with_steps
 from controller.motion.canonical.canonical_body import to_canonical
 from controller.motion.canonical.clip_edits import mirrored, moving_part
-from controller.motion.clip import Clip
+from controller.motion.clip import AS_FOUND, Clip
 from controller.motion.formats.reading import read_fitted
-from controller.motion.reading_options import AS_FOUND
 from controller.motion.rotations import Array, dot, multiply, normalise, rotate, yaw
 from controller.motion.take.segmentation import cuts_of
 from motiondeck_base.errors import MotiondeckError

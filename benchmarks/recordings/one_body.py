@@ -18,10 +18,9 @@ import typer
 from benchmarks import command
 from controller.motion.canonical.actors import actors_of
 from controller.motion.canonical.canonical_body import CANONICAL_BONES, carried, landmark_places
-from controller.motion.clip import Clip
+from controller.motion.clip import Clip, ReadingOptions
 from controller.motion.formats.acclaim.amc import skeleton_of
 from controller.motion.formats.reading import read_clip, recordings_below
-from controller.motion.reading_options import ReadingOptions
 from motiondeck_base.errors import MotiondeckError
 
 JOINTS = {"wrists": ("lwri", "rwri"), "feet": ("lfoo", "rfoo"), "neck": ("neck",)}

@@ -40,13 +40,12 @@ from benchmarks.recordings.independent_readings import (
     pattern_channels,
 )
 from controller.motion.canonical.canonical_body import CANONICAL_BONES, landmarks_of, to_canonical
-from controller.motion.clip import Clip
+from controller.motion.clip import Clip, ReadingOptions
 from controller.motion.encodings.bone_directions import BoneDirections
 from controller.motion.formats.acclaim.amc import skeleton_of
 from controller.motion.formats.markers.c3d import read_c3d
 from controller.motion.formats.reading import read_clip, recordings_below
 from controller.motion.formats.writing import write_clip
-from controller.motion.reading_options import ReadingOptions
 from controller.motion.rotations import Array, normalise, rotate
 from motiondeck_base.errors import MotiondeckError
 

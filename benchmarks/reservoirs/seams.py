@@ -18,8 +18,8 @@ from benchmarks import command
 from controller.learning.recipe import read_recipe
 from controller.learning.training_set import prepare
 from controller.library.motion_library import MotionLibrary, load_library
-from controller.motion.posture import walk_path
 from controller.motion.rotations import Array
+from controller.motion.skeleton import walk_path
 from controller.networks.reservoirs.phase_driven import PhaseDrivenNetwork
 
 NEAR = 2  # frames

@@ -28,11 +28,10 @@ from controller.learning.preparation.loops import SEAM_SECONDS
 from controller.library.motion_library import MotionLibrary
 from controller.motion.canonical.canonical_body import CANONICAL_BONES, carried, landmarks_of
 from controller.motion.canonical.clip_edits import resampled
-from controller.motion.clip import Clip
+from controller.motion.clip import Clip, ReadingOptions
 from controller.motion.encodings.motion_matching import joint_features
 from controller.motion.formats.acclaim.amc import skeleton_of
 from controller.motion.formats.reading import read_clip
-from controller.motion.reading_options import ReadingOptions
 from controller.motion.rotations import rotate
 from motiondeck.cli.common.options import JobsOption
 from motiondeck_base.errors import MotiondeckError

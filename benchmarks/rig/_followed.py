@@ -24,7 +24,7 @@ from controller.loop.lead import Lead
 from controller.loop.loop import LoopState, run
 from controller.loop.output_channel import Channel
 from controller.loop.safety.safety_envelope import SafetyEnvelope
-from controller.motion.posture import Pose
+from controller.motion.skeleton import Pose
 from hardware.bus.servo_bus import Bus
 from hardware.emulator.bus import EmulatedBus
 from hardware.rig.rig_file import RigConfig

@@ -45,8 +45,8 @@ from controller.library.motion_library import MotionLibrary, load_library
 from controller.loop.clock import Ticker
 from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.motion.clip import Clip
-from controller.motion.posture import Pose
 from controller.motion.rotations import Array
+from controller.motion.skeleton import Pose
 from motiondeck.run.baked_libraries import kept_at
 from motiondeck_base.shipped import find_library
 from sim.models.robot_file import RobotFile

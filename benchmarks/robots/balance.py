@@ -19,8 +19,8 @@ from joblib import delayed
 from controller.deck.deck import Deck
 from controller.library.motion_library import load_library
 from controller.loop.safety.safety_envelope import SafetyEnvelope
-from controller.motion.posture import Pose
 from controller.motion.rotations import Array
+from controller.motion.skeleton import Pose
 from motiondeck_base.jobs import Jobs, spread
 from motiondeck_base.shipped import find_library, find_robot
 from sim.physics.physics_model import feet_of

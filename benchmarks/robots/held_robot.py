@@ -21,8 +21,8 @@ from PIL import Image, ImageDraw
 from controller.deck.deck import Deck
 from controller.library.motion_library import load_library
 from controller.loop.safety.safety_envelope import SafetyEnvelope
-from controller.motion.posture import Pose
 from controller.motion.rotations import Array
+from controller.motion.skeleton import Pose
 from motiondeck.pictures.offscreen import OffScreen
 from motiondeck_base.shipped import find_library, find_robot
 from sim.physics.playback import PhysicsPlayback

@@ -8,9 +8,8 @@ import numpy as np
 
 from controller.deck.interfaces import Retargeter
 from controller.motion.anatomy import Part, Side, anatomy
-from controller.motion.posture import Pose
 from controller.motion.rotations import Array, about, multiply
-from controller.motion.skeleton import Skeleton
+from controller.motion.skeleton import Pose, Skeleton
 
 X, Y = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
 ROUND = 2.0

@@ -36,7 +36,7 @@ from benchmarks.robots.random_humanoids import random_humanoid
 from controller.deck.deck import Deck
 from controller.library.motion_library import MotionLibrary, load_library
 from controller.loop.safety.safety_envelope import SafetyEnvelope
-from controller.motion.posture import Pose
+from controller.motion.skeleton import Pose
 from motiondeck.run.robots.walk_choice import WALKS, able_to_walk
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.shipped import find_library, find_robot

@@ -13,8 +13,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.motion.posture import Pose
-from controller.motion.skeleton import Skeleton
+from controller.motion.skeleton import Pose, Skeleton
 from sim.models.feet import Foot
 from sim.models.kinematic_tree import hinges_between, path_to
 from sim.physics.playback import PhysicsPlayback

@@ -41,10 +41,9 @@ from benchmarks import command
 from benchmarks.robots.published_models import MODELS, fetch
 from benchmarks.robots.world import NOT_CARRIED, SHARED
 from controller.motion.canonical.clip_edits import resampled, without_reference_pose
-from controller.motion.clip import Clip
+from controller.motion.clip import Clip, ReadingOptions
 from controller.motion.formats.acclaim.amc import skeleton_of
 from controller.motion.formats.reading import read_clip
-from controller.motion.reading_options import ReadingOptions
 from sim.physical.course import played
 from sim.physical.stage import RATE, OnItsFeet, PhysicalStage
 from sim.physics.physics_model import physics_model

@@ -33,9 +33,8 @@ from benchmarks import command
 from controller.library.motion_library import load_library
 from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.motion.clip import Clip
-from controller.motion.posture import Pose
 from controller.motion.rotations import Array
-from controller.motion.skeleton import ROOT, Skeleton
+from controller.motion.skeleton import ROOT, Pose, Skeleton
 from motiondeck.run.sampled_motions import as_clip
 from motiondeck_base.shipped import find_library, find_robot
 from sim.models.robot_file import read_robot_file

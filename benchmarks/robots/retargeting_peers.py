@@ -18,9 +18,8 @@ import mujoco
 import numpy as np
 
 from controller.motion.anatomy import Part, Side, anatomy
-from controller.motion.posture import Pose
 from controller.motion.rotations import Array, between, conjugate, multiply
-from controller.motion.skeleton import ROOT, Skeleton
+from controller.motion.skeleton import ROOT, Pose, Skeleton
 from sim.retargeting.human_limbs import LIMBS, LimbView
 from sim.retargeting.robot_limbs import RobotLimbs
 from sim.robots.calibrate import standing_human

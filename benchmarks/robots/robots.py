@@ -34,8 +34,8 @@ from controller.library.motion_library import load_library
 from controller.motion.canonical.clip_edits import resampled, without_reference_pose
 from controller.motion.clip import Clip
 from controller.motion.formats.reading import read_clip
-from controller.motion.posture import Pose
 from controller.motion.rotations import Array
+from controller.motion.skeleton import Pose
 from motiondeck.run.sampled_motions import as_clip
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.shipped import find_library

@@ -28,8 +28,8 @@ from benchmarks.robots.walk_conditions import AS_MODELLED, CONDITIONS
 from controller.deck.deck import Deck
 from controller.library.motion_library import MotionLibrary, load_library
 from controller.loop.safety.safety_envelope import SafetyEnvelope
-from controller.motion.posture import Pose
 from controller.motion.rotations import Array
+from controller.motion.skeleton import Pose
 from motiondeck_base.jobs import Jobs, spread
 from motiondeck_base.progress import progress
 from motiondeck_base.shipped import find_library, find_robot

@@ -45,12 +45,11 @@ from benchmarks.robots.world_robots import ROBOTS, WorldRobot, model_of
 from benchmarks.robots.written_bend import written_bend
 from controller.motion.canonical.canonical_body import to_canonical
 from controller.motion.canonical.clip_edits import without_reference_pose
-from controller.motion.clip import Clip
+from controller.motion.clip import Clip, ReadingOptions, poses_of
 from controller.motion.formats.acclaim.amc import skeleton_of
 from controller.motion.formats.reading import read_clip
-from controller.motion.posture import Pose, poses_of
-from controller.motion.reading_options import ReadingOptions
 from controller.motion.rotations import Array
+from controller.motion.skeleton import Pose
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.shipped import find_robot
 from sim.retargeting.robot_limbs import RobotLimbs

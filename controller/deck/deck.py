@@ -19,8 +19,8 @@ from controller.deck.routes import Routes
 from controller.deck.switch import CommandedSwitch
 from controller.deck.switch_plan import SwitchPlan
 from controller.library.motion_library import MotionLibrary
-from controller.motion.posture import Pose, Posture
 from controller.motion.rotations import Array
+from controller.motion.skeleton import Pose, Posture
 from controller.networks.base import Activation
 from controller.wire.messages.arguments import HELD, PHASE, TEMPO
 from controller.wire.messages.blends import blend_weights

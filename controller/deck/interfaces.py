@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
-from controller.motion.posture import Pose
 from controller.motion.rotations import Array
+from controller.motion.skeleton import Pose
 from controller.wire.messages.commands import Side
 
 __all__ = ["JointLimits", "Output", "PlacedPose", "Retargeter", "Side"]

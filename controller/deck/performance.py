@@ -19,8 +19,8 @@ from controller.deck.joins.transition import best_anchor, difference, extrapolat
 from controller.deck.tracks.playing_tracks import PlayingTracks
 from controller.deck.tracks.track import Track
 from controller.library.motion_library import MotionLibrary
-from controller.motion.posture import Pose, Posture
 from controller.motion.rotations import Array, turned_about_vertical
+from controller.motion.skeleton import Pose, Posture
 
 # A difference in joint velocity counts as much as the distance it covers in this time (8 frames at 120 Hz), s.
 VELOCITY_REACH = 8.0 / 120.0

@@ -14,8 +14,8 @@ from collections import deque
 
 import numpy as np
 
-from controller.motion.posture import Pose
 from controller.motion.rotations import Array, dot, normalise
+from controller.motion.skeleton import Pose
 
 DELAY_TICKS = 2
 

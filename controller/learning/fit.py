@@ -18,7 +18,7 @@ from controller.learning.trainers.trainer import Lessons, kind_of, nrmse, traine
 from controller.learning.training_set import Progress, Recorded, TrainingSet, prepare, read_motion, to_learn
 from controller.library.library_header import VERSION, LibraryInfo, MotionInfo
 from controller.library.motion_library import MotionLibrary
-from controller.motion.reading_options import AS_FOUND
+from controller.motion.clip import AS_FOUND
 from controller.motion.rotations import Array
 from controller.motion.skeleton import Skeleton
 from controller.networks.base import AnyNetwork

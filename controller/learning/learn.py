@@ -24,10 +24,9 @@ from controller.learning.training_set import COMMON_RATE, LearnedPart, Progress,
 from controller.library.library_header import MotionInfo
 from controller.library.motion_library import MotionLibrary
 from controller.motion.canonical.actors import hands_off
-from controller.motion.clip import Clip, Decision, Plays
+from controller.motion.clip import AS_FOUND, Clip, Decision, Plays, ReadingOptions
 from controller.motion.formats.reading import CONVERTIBLE, FORMATS, recordings_below
 from controller.motion.joint_tree import SeveralPeopleError
-from controller.motion.reading_options import AS_FOUND, ReadingOptions
 from controller.motion.upper_body import ACCEPTED
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.jobs import ALONE, Jobs, spread

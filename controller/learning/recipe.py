@@ -16,8 +16,8 @@ from controller.learning.trainers.centralized import CentralizedRecipe
 from controller.learning.trainers.phase_conceptor import PhaseRecipe
 from controller.learning.trainers.trainer import NetworkRecipe, network_recipes, trainer_of
 from controller.library.library_header import with_ways
+from controller.motion.clip import Up
 from controller.motion.formats.reading import read_clip
-from controller.motion.up_axis import Up
 from motiondeck_base.errors import FileFormatError, MotiondeckError
 from motiondeck_base.files import way_from
 from motiondeck_base.toml_file import read_toml, shaped

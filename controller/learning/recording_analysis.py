@@ -20,13 +20,12 @@ from controller.learning.training_set import COMMON_RATE, SHORTEST_SECONDS, seam
 from controller.motion.canonical.body_doubts import anatomy_doubts, other_doubts
 from controller.motion.canonical.canonical_body import to_canonical
 from controller.motion.canonical.clip_edits import moving_part, resampled, span
-from controller.motion.clip import Clip, Decision, Plays
+from controller.motion.clip import AS_FOUND, Clip, Decision, Plays, ReadingOptions
 from controller.motion.encodings.encoding import encoding_of
 from controller.motion.encodings.motion_matching import joint_features
 from controller.motion.formats.acclaim.amc import skeleton_of
 from controller.motion.formats.markers.marker_fit import misplaced
 from controller.motion.formats.reading import FittedClip, read_fitted
-from controller.motion.reading_options import AS_FOUND, ReadingOptions
 from controller.motion.take.segmentation import cuts_of
 from controller.motion.upper_body import RESTS
 from motiondeck_base.errors import FileFormatError

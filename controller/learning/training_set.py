@@ -19,13 +19,12 @@ from controller.learning.trainers.trainer import Lessons, trainer_of
 from controller.motion.canonical.actors import Actor, actors_of, nearest_to_all
 from controller.motion.canonical.canonical_body import carried, on_bones_of
 from controller.motion.canonical.clip_edits import jumps, mirrored, resampled, span, spikes
-from controller.motion.clip import Clip
+from controller.motion.clip import Clip, ReadingOptions
 from controller.motion.encodings.encoding import Encoding, encoding_of
 from controller.motion.encodings.motion_matching import joint_features
 from controller.motion.encodings.normalisation import Normalisation
 from controller.motion.formats.acclaim.amc import skeleton_of
 from controller.motion.formats.reading import read_clip
-from controller.motion.reading_options import ReadingOptions
 from controller.motion.rotations import Array, dot
 from controller.motion.skeleton import Skeleton
 from controller.networks.driving_input import DrivingInput

@@ -6,8 +6,8 @@ from dataclasses import fields
 import numpy as np
 
 from controller.deck.interfaces import JointLimits, Output, Retargeter
-from controller.motion.posture import Pose
 from controller.motion.rotations import Array
+from controller.motion.skeleton import Pose
 
 
 def all_limits(limits: Sequence[JointLimits]) -> JointLimits:

@@ -13,8 +13,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from controller.loop.output_channel import Channel
-from controller.motion.posture import Pose
 from controller.motion.rotations import Array
+from controller.motion.skeleton import Pose
 
 
 class Delay:

@@ -25,8 +25,8 @@ from controller.loop.run_phases import Player, Source, safe_targets
 from controller.loop.safety.pace import Pace
 from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.loop.stop_requests import StopRequest, stop_on_signals
-from controller.motion.posture import Pose
 from controller.motion.rotations import Array
+from controller.motion.skeleton import Pose
 
 _DEAF = 5  # ticks in a row in which nothing can be commanded, or no stop be taken, after which the joints come to rest
 

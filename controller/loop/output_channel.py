@@ -3,8 +3,8 @@
 from dataclasses import dataclass, field
 
 from controller.deck.interfaces import Output
-from controller.motion.posture import Pose
 from controller.motion.rotations import Array
+from controller.motion.skeleton import Pose
 from motiondeck_base.errors import in_words
 
 FAULTS_TO_PARK = 3  # an output whose turns fail so often in a row is parked: it is no longer served

@@ -12,8 +12,8 @@ from controller.loop.fault_counter import FaultCounter
 from controller.loop.safety.approach import Approach
 from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.loop.stop_requests import StopRequest
-from controller.motion.posture import Pose
 from controller.motion.rotations import Array
+from controller.motion.skeleton import Pose
 
 _FOLLOWS_WITHIN = 0.1  # s, from the targets being where an output holds its joints
 _RESTS_WITHIN = 0.5  # s, from when the deck brakes at its end, joints that an output brakes on its own

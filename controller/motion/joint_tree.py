@@ -23,11 +23,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.motion.bone_names import named_parts
-from controller.motion.clip import Clip, Decision, unit_decision, up_decision
-from controller.motion.reading_options import ReadingOptions
+from controller.motion.clip import Clip, Decision, ReadingOptions, Up, unit_decision, up_decision
 from controller.motion.rest_pose import RecordedBody, rest_skeleton
 from controller.motion.rotations import Array, between, conjugate, continuous, dot, multiply, normalise, rotate
-from controller.motion.up_axis import Up
 from controller.motion.upper_body import RESTS, lacks_legs, legs_at_rest, with_legs
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.files import listed

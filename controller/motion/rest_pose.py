@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.motion.anatomy import SIDES, Anatomy, anatomy, named_anatomy
+from controller.motion.clip import Up
 from controller.motion.rotations import (
     IDENTITY,
     Array,
@@ -30,7 +31,7 @@ from controller.motion.rotations import (
     yaw,
 )
 from controller.motion.skeleton import ROOT, Skeleton
-from controller.motion.up_axis import AXES, TO_OURS, UPRIGHT, Up, up_in_recording
+from controller.motion.up_axis import AXES, TO_OURS, UPRIGHT, up_in_recording
 
 # Units of length, m, and how usual they are: metre, centimetre, millimetre; inch, and the inch / 0.45 of CMU's.
 UNITS = {1.0: 1.0, 0.01: 1.0, 0.001: 1.0, 0.0254: 0.15, 0.0254 / 0.45: 0.1}

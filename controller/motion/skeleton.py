@@ -1,4 +1,4 @@
-"""A skeleton: a tree of rigid bones with one root joint; and that of the thesis, the 19 bones of Jaeger's patterns."""
+"""A skeleton, a tree of rigid bones with one root joint; its postures and poses; and the thesis's 19 bones."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import ClassVar
 import msgspec
 import numpy as np
 
-from controller.motion.rotations import Array, FixedVectors, Indices
+from controller.motion.rotations import Array, FixedVectors, Indices, multiply, yaw
 from motiondeck_base.errors import FileFormatError
 
 ROOT = -1
@@ -135,6 +135,42 @@ class Skeleton:
         """
         ends = root_position[..., None, :] + self.chain @ self._vectors.turned(rotation[..., 1:, :])
         return np.concatenate([root_position[..., None, :], ends], axis=-2)
+
+
+@dataclass(slots=True)
+class Posture:
+    """Rotations and velocities of a body relative to its heading; leading axes (...) may be time."""
+
+    height: Array  # of the root above the ground, (...), m
+    velocity: Array  # of the root along the ground, forward and left, (..., 2), m/s
+    turn_rate: Array  # of the heading, about the vertical, (...), rad/s
+    rotation: Array  # of the root and of each bone in the heading frame, (..., 1 + B, 4)
+
+    def __getitem__(self, times: slice) -> Posture:
+        """A slice of the postures along the first axis, time."""
+        return Posture(self.height[times], self.velocity[times], self.turn_rate[times], self.rotation[times])
+
+
+@dataclass(slots=True)
+class Pose:
+    """A body in the world; leading axes (...) may be time."""
+
+    root_position: Array  # (..., 3), m, z up
+    heading: Array  # about z from x, (...), rad
+    rotation: Array  # of the root and of each bone in the world, (..., 1 + B, 4)
+
+
+def walk_path(posture: Posture, dt: float, speed: float = 1.0) -> Pose:
+    """The poses of a posture sequence of shape (T, ...) that starts at the origin facing x."""
+    # Heading and path integrate the turn rates and velocities in steps of dt seconds, the first frame included, as in
+    # Jaeger's patterns.
+    heading = np.cumsum(posture.turn_rate * dt * speed)
+    step = posture.velocity * dt * speed
+    cos, sin = np.cos(heading), np.sin(heading)
+    x = np.cumsum(cos * step[:, 0] - sin * step[:, 1])
+    y = np.cumsum(sin * step[:, 0] + cos * step[:, 1])
+    position = np.stack([x, y, posture.height], axis=-1)
+    return Pose(position, heading, multiply(yaw(heading)[:, None, :], posture.rotation))
 
 
 # Bone, parent, and direction in the rest pose: arms out sideways, legs down, feet forward. Order and tree are those of

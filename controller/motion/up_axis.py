@@ -1,14 +1,12 @@
 """Detects the vertical axis of a file from how the body stands and touches the ground."""
 
 from dataclasses import replace
-from typing import Literal
 
 import numpy as np
 
-from controller.motion.clip import Clip
+from controller.motion.clip import Clip, Up
 from controller.motion.rotations import IDENTITY, Array, conjugate, multiply, normalise, rotate
 
-Up = Literal["y", "z"]
 AXES: tuple[Up, ...] = ("y", "z")
 # Rotations from the axes of a file to ours (z up): (x, y, z) becomes (z, x, y), or stays.
 TO_OURS = {"y": np.array([0.5, 0.5, 0.5, 0.5]), "z": IDENTITY}

@@ -26,7 +26,7 @@ from motiondeck_base.files import check_folder
 
 if TYPE_CHECKING:
     from controller.learning.recipe import LibraryRecipe
-    from controller.motion.reading_options import ReadingOptions
+    from controller.motion.clip import ReadingOptions
     from motiondeck_base.jobs import Jobs
 
 

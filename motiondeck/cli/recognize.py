@@ -90,8 +90,8 @@ def run(
       motiondeck recognize run hdm05.safetensors squat.amc --skeleton HDM_bd.asf
     """
     from controller.learning.recognition.recognizer import load_recognizer
+    from controller.motion.clip import ReadingOptions
     from controller.motion.formats.reading import read_clip, recordings_below
-    from controller.motion.reading_options import ReadingOptions
 
     options = ReadingOptions(skeleton)
     loaded = load_recognizer(recognizer)

@@ -39,8 +39,8 @@ def segment(
       motiondeck segment session.bvh --plot cuts.png
       motiondeck segment session.bvh --recognizer gestures.safetensors --json
     """
+    from controller.motion.clip import ReadingOptions
     from controller.motion.formats.reading import read_clip
-    from controller.motion.reading_options import ReadingOptions
 
     if not file.is_file():
         raise MotiondeckError.missing(file)

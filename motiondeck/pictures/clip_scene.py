@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from controller.motion.clip import Clip
-from controller.motion.posture import Pose, poses_of
+from controller.motion.clip import Clip, poses_of
 from controller.motion.rotations import Array
+from controller.motion.skeleton import Pose
 from controller.wire.run_recording import RunRecording
 from motiondeck_base.errors import MotiondeckError
 

@@ -8,9 +8,8 @@ import numpy as np
 
 from controller.library.motion_library import load_library
 from controller.motion.clip import Clip
-from controller.motion.posture import Pose
 from controller.motion.rotations import Array
-from controller.motion.skeleton import Skeleton
+from controller.motion.skeleton import Pose, Skeleton
 from motiondeck_base.errors import UnknownNameError
 from motiondeck_base.shipped import find_library
 from sim.models.formats.urdf_visuals import spec_with_visuals

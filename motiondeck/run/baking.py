@@ -23,8 +23,8 @@ from controller.library.motion_library import MotionLibrary, load_library
 from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.motion.clip import Clip
 from controller.motion.encodings.robot_joints import RobotJoints
-from controller.motion.posture import walk_path
 from controller.motion.rotations import Array
+from controller.motion.skeleton import walk_path
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.files import digest_of
 from sim.robots.joint_motion import retargeted

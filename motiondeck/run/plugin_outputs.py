@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from controller.loop.output_channel import Channel
-from controller.motion.posture import Pose
 from controller.motion.rotations import Array
+from controller.motion.skeleton import Pose
 from motiondeck_base.errors import MotiondeckError, UnknownNameError, in_words
 
 GROUP = "motiondeck.outputs"

@@ -4,8 +4,8 @@ from collections.abc import Mapping
 
 import mujoco
 
-from controller.motion.posture import Pose
 from controller.motion.rotations import Array
+from controller.motion.skeleton import Pose
 from sim.robots.robot import Robot
 
 

@@ -7,8 +7,8 @@ import mujoco
 import numpy as np
 
 from controller.deck.interfaces import Side
-from controller.motion.posture import Pose
 from controller.motion.rotations import Array, Indices
+from controller.motion.skeleton import Pose
 from motiondeck_base.errors import MotiondeckError
 from sim.models.surface import LowestPoint
 from sim.physics.balance import Balance

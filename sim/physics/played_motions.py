@@ -6,9 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from controller.motion.posture import Pose
 from controller.motion.rotations import Array, Indices, continuous, multiply, normalise, rotate, yaw
-from controller.motion.skeleton import Skeleton
+from controller.motion.skeleton import Pose, Skeleton
 from sim.robots.robot import Robot, load_robot
 
 DT = 0.01  # s from sample to sample

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from controller.deck.interfaces import PlacedPose
-from controller.motion.posture import Pose
 from controller.motion.rotations import Array, Flags
+from controller.motion.skeleton import Pose
 from sim.models.kinematic_tree import path_to
 from sim.models.walk_settings import WalkSettings
 from sim.physics.physics_model import Alteration, feet_of

@@ -1,8 +1,8 @@
 """Places the root of a robot whose motions were carried to it beforehand: where it was, footing included."""
 
 from controller.motion.encodings.robot_joints import RootPath
-from controller.motion.posture import Pose
 from controller.motion.rotations import Array
+from controller.motion.skeleton import Pose
 from sim.retargeting.footing import Footing
 
 

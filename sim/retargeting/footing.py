@@ -13,8 +13,8 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
-from controller.motion.posture import Pose
 from controller.motion.rotations import IDENTITY, Array
+from controller.motion.skeleton import Pose
 from sim.models.kinematic_tree import Scratch, UprightPelvis, below
 from sim.models.surface import LowestPoint, Surface
 from sim.retargeting.human_stance import FlatFeet, HumanStance

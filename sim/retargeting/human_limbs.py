@@ -12,9 +12,8 @@ from math import cos, sin, sqrt
 import numpy as np
 
 from controller.motion.anatomy import Part, Side, anatomy, leg_without_name
-from controller.motion.posture import Pose
 from controller.motion.rotations import Array, conjugate, multiply
-from controller.motion.skeleton import ROOT, Skeleton
+from controller.motion.skeleton import ROOT, Pose, Skeleton
 from motiondeck_base.errors import FileFormatError
 
 # The rows of a view; the last six are axes of head, chest and pelvis.

@@ -14,10 +14,9 @@ import numpy as np
 
 from controller.motion.anatomy import anatomy
 from controller.motion.clip import Clip
-from controller.motion.posture import Pose
 from controller.motion.rest_pose import FOOT_SLOPE
 from controller.motion.rotations import Array
-from controller.motion.skeleton import Skeleton
+from controller.motion.skeleton import Pose, Skeleton
 from sim.retargeting.human_limbs import LIMBS, turning
 
 Point = tuple[float, float, float]

@@ -21,10 +21,9 @@ import daqp
 import numpy as np
 
 from controller.deck.interfaces import JointLimits
-from controller.motion.posture import Pose
 from controller.motion.rest_pose import FOOT_SLOPE
 from controller.motion.rotations import Array
-from controller.motion.skeleton import Skeleton
+from controller.motion.skeleton import Pose, Skeleton
 from sim.retargeting.human_limbs import LIMBS
 from sim.retargeting.human_stance import HumanStance
 from sim.retargeting.limb_finder import FEET, PLANE, TRUNK

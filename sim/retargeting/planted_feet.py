@@ -9,8 +9,8 @@ from math import exp
 
 import numpy as np
 
-from controller.motion.posture import Pose
 from controller.motion.rotations import Array
+from controller.motion.skeleton import Pose
 from sim.retargeting.human_stance import HumanStance
 from sim.retargeting.limb_finder import FEET
 from sim.retargeting.robot_limbs import RobotLimbs

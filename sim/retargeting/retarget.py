@@ -8,10 +8,9 @@ from math import atan2, cos, hypot, pi, remainder, sin, sqrt
 
 import numpy as np
 
-from controller.motion.posture import Pose
 from controller.motion.rest_pose import FOOT_SLOPE
 from controller.motion.rotations import Array, dot, to_rotation_vector
-from controller.motion.skeleton import Skeleton
+from controller.motion.skeleton import Pose, Skeleton
 from motiondeck_base.errors import FileFormatError, UnknownNameError
 from sim.models.joint_layout import nearest_turn
 from sim.models.robot_file import Angle

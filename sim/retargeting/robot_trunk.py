@@ -12,9 +12,8 @@ from math import atan2, cos, inf, sin, sqrt
 import mujoco
 import numpy as np
 
-from controller.motion.posture import Pose
 from controller.motion.rotations import Array
-from controller.motion.skeleton import Skeleton
+from controller.motion.skeleton import Pose, Skeleton
 from sim.retargeting.human_limbs import LIMBS, LimbView
 
 TRUNK_SHARE = 0.5  # of what hips cannot bend, the share that the trunk is off; the thighs are off by the rest

@@ -6,8 +6,7 @@ import mujoco
 import numpy as np
 
 from controller.motion.anatomy import Side, anatomy
-from controller.motion.clip import Clip
-from controller.motion.posture import poses_of
+from controller.motion.clip import Clip, poses_of
 from controller.motion.rotations import Array, Flags, normalise, rotate, yaw
 from sim.models.kinematic_tree import below
 from sim.models.surface import LowestPoint, Surface

@@ -5,10 +5,9 @@ from pathlib import Path
 
 import numpy as np
 
-from controller.motion.clip import Clip, Plays
+from controller.motion.clip import Clip, Plays, poses_of
 from controller.motion.formats.joint_tables import ROOT_COLUMNS
 from controller.motion.formats.taught_clip import save_taught_clip, taught_clip
-from controller.motion.posture import poses_of
 from controller.motion.rotations import Array
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.files import write_file

@@ -23,9 +23,8 @@ from controller.deck.interfaces import JointLimits, PlacedPose, Retargeter
 from controller.motion.anatomy import Part, anatomy
 from controller.motion.encodings.joint_angles import JointRetargeter
 from controller.motion.encodings.robot_joints import RobotBody
-from controller.motion.posture import Pose
 from controller.motion.rotations import IDENTITY, Array, between
-from controller.motion.skeleton import ROOT, Skeleton
+from controller.motion.skeleton import ROOT, Pose, Skeleton
 from motiondeck_base.errors import FileFormatError, UnknownNameError
 from motiondeck_base.files import listed
 from sim.models.formats.urdf_visuals import with_visuals

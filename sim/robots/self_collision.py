@@ -13,8 +13,8 @@ from collections import Counter
 import mujoco
 import numpy as np
 
-from controller.motion.posture import Pose
 from controller.motion.rotations import Array, Flags
+from controller.motion.skeleton import Pose
 from motiondeck_base.errors import MotiondeckError
 from sim.models.coupled_joints import followers
 from sim.models.kinematic_tree import path_to

@@ -6,7 +6,7 @@ import pytest
 
 from benchmarks.robots.own_feet_measure import HumanLegs, beside, knee_of
 from benchmarks.robots.random_humanoids import random_humanoid
-from controller.motion.posture import Pose
+from controller.motion.skeleton import Pose
 from simulated_bodies import human
 
 STANDS = np.zeros((400, 2), dtype=bool)

@@ -16,10 +16,9 @@ import numpy as np
 from controller.deck.joins.fade_search import LONGEST, SHORTEST, TRIAL_EVERY
 from controller.deck.joins.join_limits import Bounds
 from controller.deck.joins.posture_blend import smooth_headings, weighted_mean
-from controller.motion.posture import Posture, walk_path
 from controller.motion.quintic import rise
 from controller.motion.rotations import Array, continuous, multiply, rotate, yaw
-from controller.motion.skeleton import Skeleton
+from controller.motion.skeleton import Posture, Skeleton, walk_path
 
 # The longest time between two moments at which a mixture is computed, s, and the fewest of them.
 _STEP, _FEWEST = 0.025, 16

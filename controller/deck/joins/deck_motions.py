@@ -12,9 +12,8 @@ from controller.library.library_header import MotionInfo
 from controller.library.motion_library import MotionLibrary, once_a_library
 from controller.motion.cubic import between_frames
 from controller.motion.encodings.motion_matching import joint_features
-from controller.motion.posture import Posture, walk_path
 from controller.motion.rotations import Array, dot, normalise, rotate
-from controller.motion.skeleton import Skeleton
+from controller.motion.skeleton import Posture, Skeleton, walk_path
 from controller.networks.base import AnyNetwork, Channels
 
 

@@ -17,8 +17,8 @@ import numpy as np
 from controller.deck.joins.deck_motions import BodyCourse
 from controller.deck.joins.join_limits import Bounds
 from controller.deck.joins.transition import Fade, displaced
-from controller.motion.posture import Posture
 from controller.motion.rotations import Array, cross, dot
+from controller.motion.skeleton import Posture
 
 SHORTEST, LONGEST = 0.2, 1.6
 

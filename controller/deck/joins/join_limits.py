@@ -10,9 +10,8 @@ from math import ceil
 import numpy as np
 
 from controller.deck.joins.deck_motions import PEAKS_OVER, Motion
-from controller.motion.posture import Pose
 from controller.motion.rotations import Array
-from controller.motion.skeleton import Skeleton
+from controller.motion.skeleton import Pose, Skeleton
 
 FASTEST, HARDEST = 1.5, 2.0
 """Limits of a join: speed and acceleration of a body point, as multiples of the largest in its motions."""

@@ -28,7 +28,6 @@ from math import cos
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.motion.posture import Posture
 from controller.motion.quintic import run_out
 from controller.motion.rotations import (
     Array,
@@ -43,6 +42,7 @@ from controller.motion.rotations import (
     yaw,
 )
 from controller.motion.rotations import between as shortest_turn
+from controller.motion.skeleton import Posture
 
 HEADING_RATE = 4.0
 """How quickly the smooth heading follows that of the hips, 1/s (a critically damped filter of second order)."""

@@ -19,7 +19,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from controller.motion.posture import Posture
 from controller.motion.quintic import run_out, run_out_rates
 from controller.motion.rotations import (
     Array,
@@ -32,6 +31,7 @@ from controller.motion.rotations import (
     yaw,
 )
 from controller.motion.rotations import between as shortest_turn
+from controller.motion.skeleton import Posture
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,8 @@ from controller.deck.joins.join_limits import FASTEST, HARDEST, Bounds
 from controller.deck.joins.posture_blend import PostureBlend
 from controller.deck.tracks.track import Track
 from controller.library.motion_library import MotionLibrary
-from controller.motion.posture import Posture
 from controller.motion.rotations import Array
+from controller.motion.skeleton import Posture
 from controller.wire.messages.blends import MOST_BLENDED
 
 STILL, TURNS_OVER = 0.1, 2.5

@@ -10,9 +10,9 @@ import numpy as np
 from controller.deck.joins.deck_motions import BodyCourse, Motion
 from controller.deck.tracks.frame_player import FramePlayer
 from controller.library.motion_library import MotionLibrary
-from controller.motion.posture import Posture
 from controller.motion.quintic import rise
 from controller.motion.rotations import Array
+from controller.motion.skeleton import Posture
 from controller.networks.base import Activation, AutonomousNetwork, Channels, FrameNetwork, Morph
 from controller.networks.guard import Guard
 

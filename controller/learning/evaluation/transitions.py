@@ -22,8 +22,8 @@ from controller.learning.training_set import TrainingSet
 from controller.library.motion_library import MotionLibrary
 from controller.motion.encodings.bone_directions import FIRST_BONE, HEIGHT, TURN_RATE
 from controller.motion.encodings.motion_matching import LOST_MM, joint_features
-from controller.motion.posture import Posture
 from controller.motion.rotations import Array, rotate, yaw
+from controller.motion.skeleton import Posture
 from controller.networks.clip_player import ClipPlayer
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.jobs import ALONE, Jobs, spread

@@ -17,8 +17,7 @@ from controller.deck.motion_generator import MotionGenerator
 from controller.library.motion_library import MotionLibrary
 from controller.library.recording_error import Errors, RecordingError
 from controller.motion.canonical.canonical_body import CANONICAL_BONES, carried, landmark_places, to_canonical
-from controller.motion.clip import Clip, runs
-from controller.motion.posture import walked_clip
+from controller.motion.clip import Clip, runs, walked_clip
 from controller.motion.rotations import Array, Flags, Indices, normalise
 from controller.motion.skeleton import JAEGER_PARENT, Skeleton
 from motiondeck_base.errors import FileFormatError

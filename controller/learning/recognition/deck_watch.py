@@ -15,8 +15,8 @@ from controller.learning.recognition.experts import ExpertBank, ExpertRecipe, te
 from controller.learning.recognition.features import ANGLE_UNIT
 from controller.learning.recognition.online_recognizer import FrameTimes, MismatchWatch, OnlineRecognizer
 from controller.library.motion_library import MotionLibrary
-from controller.motion.posture import Pose, walk_path
 from controller.motion.rotations import Array, Flags, Indices
+from controller.motion.skeleton import Pose, walk_path
 from motiondeck_base.errors import MotiondeckError
 
 RATE = 30.0  # Hz

@@ -19,10 +19,9 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from controller.motion.clip import Clip
+from controller.motion.clip import Clip, ReadingOptions
 from controller.motion.formats.acclaim.amc import skeleton_of
 from controller.motion.formats.reading import read_clip, recordings_below
-from controller.motion.reading_options import ReadingOptions
 from controller.motion.rotations import Indices
 from motiondeck_base.errors import FileFormatError, MotiondeckError
 

@@ -19,9 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.motion.anatomy import Side, anatomy
-from controller.motion.clip import Clip
+from controller.motion.clip import Clip, walked_clip
 from controller.motion.orientation import orient
-from controller.motion.posture import Posture, walked_clip
 from controller.motion.rotations import (
     Array,
     FixedVectors,
@@ -35,7 +34,7 @@ from controller.motion.rotations import (
     rotate,
     yaw,
 )
-from controller.motion.skeleton import ROOT, Skeleton, SkeletonInfo
+from controller.motion.skeleton import ROOT, Posture, Skeleton, SkeletonInfo
 from motiondeck_base.errors import FileFormatError
 
 HEIGHT, TURN_RATE, FORWARD, LEFT, FIRST_BONE = 0, 1, 2, 3, 4

@@ -15,9 +15,8 @@ from typing import ClassVar, Self
 import numpy as np
 
 from controller.motion.clip import Clip
-from controller.motion.posture import Pose, Posture
 from controller.motion.rotations import Array, Indices
-from controller.motion.skeleton import ROOT, Skeleton, SkeletonInfo
+from controller.motion.skeleton import ROOT, Pose, Posture, Skeleton, SkeletonInfo
 from motiondeck_base.errors import UnknownNameError
 
 _LEVER = 4.0  # m

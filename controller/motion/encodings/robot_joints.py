@@ -20,9 +20,8 @@ from typing import ClassVar, Self
 import numpy as np
 
 from controller.motion.encodings.joint_angles import SHARE, JointAngles, JointBody, angles_of
-from controller.motion.posture import Pose, Posture
 from controller.motion.rotations import Array, conjugate, multiply, rotate, yaw
-from controller.motion.skeleton import SkeletonInfo
+from controller.motion.skeleton import Pose, Posture, SkeletonInfo
 from motiondeck_base.errors import FileFormatError
 
 CLOCK = 0.01  # m a second of the motion; so slow that it counts nothing beside the joints

@@ -15,9 +15,8 @@ from pathlib import Path
 
 import numpy as np
 
-from controller.motion.clip import Clip
+from controller.motion.clip import AS_FOUND, Clip, Format, ReadingOptions
 from controller.motion.joint_tree import MOST_POSES, JointTree, clip_of, free_name, one_body, played
-from controller.motion.reading_options import AS_FOUND, Format, ReadingOptions
 from controller.motion.rotations import Array, about, multiply
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.files import Line, as_float, no_number, read_text, shortened

@@ -12,10 +12,9 @@ from pathlib import Path
 import numpy as np
 
 from controller.motion.canonical.clip_edits import cubic
-from controller.motion.clip import Clip
+from controller.motion.clip import AS_FOUND, Clip, Format, ReadingOptions
 from controller.motion.formats.gltf_buffers import Accessors, Animation, Asset, Sampler, open_gltf
 from controller.motion.joint_tree import MOST_POSES, JointTree, chosen_person, clip_of, distinct, people_in
-from controller.motion.reading_options import AS_FOUND, Format, ReadingOptions
 from controller.motion.rotations import (
     Array,
     conjugate,

@@ -9,10 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-from controller.motion.clip import Clip
+from controller.motion.clip import AS_FOUND, Clip, Format, ReadingOptions
 from controller.motion.encodings.bone_directions import FIRST_BONE, FORWARD, HEIGHT, LEFT, TURN_RATE, BoneDirections
 from controller.motion.formats.mat5 import read_mat
-from controller.motion.reading_options import AS_FOUND, Format, ReadingOptions
 from controller.motion.rotations import Array
 from controller.motion.skeleton import JAEGER_BONES, thesis_skeleton
 from motiondeck_base.errors import FileFormatError

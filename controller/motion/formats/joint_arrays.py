@@ -19,11 +19,10 @@ from pathlib import Path
 
 import numpy as np
 
-from controller.motion.clip import FARTHEST, MOST_NUMBERS, Markers, unit_of_size
+from controller.motion.clip import AS_FOUND, FARTHEST, MOST_NUMBERS, Format, Markers, ReadingOptions, unit_of_size
 from controller.motion.formats.markers.joint_points import joint_points, turned_over
 from controller.motion.formats.npz_arrays import NpzArrays, npz_names, plain_array
 from controller.motion.formats.smpl import JOINTS
-from controller.motion.reading_options import AS_FOUND, Format, ReadingOptions
 from controller.motion.rotations import Array, about, rotate
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.files import listed, read_bytes

@@ -17,12 +17,11 @@ from typing import get_args
 
 import numpy as np
 
-from controller.motion.clip import Clip, Plays
+from controller.motion.clip import ANGLE_UNITS, AS_FOUND, Clip, Format, Plays, ReadingOptions
 from controller.motion.formats.npz_arrays import NpzArrays, npz_names
 from controller.motion.formats.positions import is_table
 from controller.motion.formats.tables import TIMES, even_times, first_row, heading, numbers
 from controller.motion.formats.taught_clip import rounded, taught_clip
-from controller.motion.reading_options import AS_FOUND, UNITS, Format, ReadingOptions
 from controller.motion.rotations import Array
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.files import Line, as_float, write_file
@@ -90,8 +89,8 @@ def _arrays(path: str | Path) -> _Columns:
 def _joint_of(column: str, unit: float | None, wrong: _Wrong) -> tuple[str, float]:
     """The joint of a column, and its unit in rad."""
     joint, _, ending = column.rpartition("_")
-    if joint and ending.lower() in UNITS:
-        return joint, UNITS[ending.lower()]
+    if joint and ending.lower() in ANGLE_UNITS:
+        return joint, ANGLE_UNITS[ending.lower()]
     if unit is None:
         raise wrong(
             f"'{column}' does not say its unit. Call it {column}_deg or {column}_rad, or give --unit deg or --unit rad."

@@ -25,10 +25,9 @@ import msgspec
 import numpy as np
 
 from controller.motion.canonical.clip_edits import cubic
-from controller.motion.clip import Clip, Plays
+from controller.motion.clip import ANGLE_UNITS, AS_FOUND, Clip, Format, Plays, ReadingOptions
 from controller.motion.formats.taught_clip import taught_clip
 from controller.motion.quintic import rise
-from controller.motion.reading_options import AS_FOUND, UNITS, Format, ReadingOptions
 from controller.motion.rotations import Array
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.toml_file import read_toml
@@ -96,7 +95,7 @@ def drawn_up(written: Keyframes, path: str | Path) -> Clip:
     times = np.linspace(0.0, length, frames + 1)
     joints = list(dict.fromkeys([*written.rest, *(joint for key in written.key for joint in key.values)]))
     courses = [_course(times, _keys_of(joint, written, length, path), written.plays) for joint in joints]
-    angles = UNITS[written.unit] * np.stack(courses, axis=1)
+    angles = ANGLE_UNITS[written.unit] * np.stack(courses, axis=1)
     try:
         return taught_clip(Path(path).stem, joints, frames / length, angles, Path(path).name, written.plays)
     except FileFormatError as error:

@@ -13,11 +13,10 @@ from typing import TypeAlias
 
 import numpy as np
 
-from controller.motion.clip import FARTHEST, MOST_NUMBERS, Markers
+from controller.motion.clip import AS_FOUND, FARTHEST, MOST_NUMBERS, Format, Markers, ReadingOptions
 from controller.motion.formats.joint_arrays import MEDIAPIPE
 from controller.motion.formats.markers.joint_points import turned_over
 from controller.motion.formats.tables import even_times, first_row, is_row, separator_of, words_of
-from controller.motion.reading_options import AS_FOUND, Format, ReadingOptions
 from controller.motion.rotations import Array
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.files import Line, as_float, no_number, read_lines, shortened

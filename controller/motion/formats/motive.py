@@ -18,10 +18,9 @@ from pathlib import Path
 import numpy as np
 
 from controller.motion.bone_names import named_parts
-from controller.motion.clip import FARTHEST, UNITS, Clip, Markers, bridged
+from controller.motion.clip import AS_FOUND, FARTHEST, UNITS, Clip, Format, Markers, ReadingOptions, bridged
 from controller.motion.formats.tables import even_times, first_row, numbers
 from controller.motion.joint_tree import MOST_POSES, JointTree, chosen_person, clip_of
-from controller.motion.reading_options import AS_FOUND, Format, ReadingOptions
 from controller.motion.rotations import Array, continuous, normalise
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.files import Line, listed, read_lines, shortened

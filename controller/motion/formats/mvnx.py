@@ -13,9 +13,8 @@ from xml.parsers import expat
 
 import numpy as np
 
-from controller.motion.clip import Clip
+from controller.motion.clip import AS_FOUND, Clip, Format, ReadingOptions
 from controller.motion.joint_tree import MOST_POSES, JointTree, chosen_person, clip_of, free_name
-from controller.motion.reading_options import AS_FOUND, Format, ReadingOptions
 from controller.motion.rotations import Array, normalise, rotate
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.files import shortened

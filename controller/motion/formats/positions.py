@@ -19,11 +19,10 @@ from pathlib import Path
 
 import numpy as np
 
-from controller.motion.clip import Clip, Markers, unit_of_size
+from controller.motion.clip import AS_FOUND, Clip, Format, Markers, ReadingOptions, unit_of_size
 from controller.motion.formats.markers.joint_points import joint_points, turned_over
 from controller.motion.formats.tables import TIMES, even_times, first_row, heading, numbers
 from controller.motion.orientation import orient
-from controller.motion.reading_options import AS_FOUND, Format, ReadingOptions
 from controller.motion.rest_pose import RecordedBody, rest_skeleton
 from controller.motion.rotations import Array, continuous, normalise
 from controller.motion.skeleton import Skeleton

@@ -7,12 +7,11 @@ from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
 
-from controller.motion.clip import Clip, Markers
+from controller.motion.clip import AS_FOUND, Clip, Format, Markers, ReadingOptions
 from controller.motion.formats.markers.joint_points import joint_points, jointed_body
 from controller.motion.formats.markers.marker_fit import Fit, fit_markers, wears_full_set
 from controller.motion.formats.markers.skin_markers import joints_under_skin
 from controller.motion.joint_tree import chosen_person
-from controller.motion.reading_options import AS_FOUND, Format, ReadingOptions
 from controller.motion.take.steps import taken
 from motiondeck_base.errors import FileFormatError
 

@@ -14,11 +14,10 @@ from pathlib import Path
 
 import numpy as np
 
-from controller.motion.clip import Clip
+from controller.motion.clip import AS_FOUND, Clip, Format, ReadingOptions
 from controller.motion.formats.npz_arrays import NpzArrays, npz_names
 from controller.motion.formats.tables import first_row, heading, numbers
 from controller.motion.formats.taught_clip import taught_clip
-from controller.motion.reading_options import AS_FOUND, Format, ReadingOptions
 from controller.motion.rotations import Array, conjugate, rotate
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.files import Line, as_float, listed, read_lines

@@ -2,9 +2,8 @@
 
 from pathlib import Path
 
-from controller.motion.clip import Clip
+from controller.motion.clip import AS_FOUND, Clip, Format, ReadingOptions
 from controller.motion.formats.taught_clip import taught_clip
-from controller.motion.reading_options import AS_FOUND, Format, ReadingOptions
 from controller.wire.run_recording import MAGIC, RunRecording, load_recording
 from motiondeck_base.errors import FileFormatError
 

@@ -14,10 +14,9 @@ from pathlib import Path
 
 import numpy as np
 
-from controller.motion.clip import Clip
+from controller.motion.clip import AS_FOUND, Clip, Format, ReadingOptions
 from controller.motion.formats.npz_arrays import NpzArrays
 from controller.motion.joint_tree import MOST_POSES, clip_of, played
-from controller.motion.reading_options import AS_FOUND, Format, ReadingOptions
 from controller.motion.rest_pose import STATURE
 from controller.motion.rotations import Array, from_rotation_vector
 from motiondeck_base.errors import FileFormatError

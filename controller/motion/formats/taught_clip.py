@@ -6,9 +6,8 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from controller.motion.clip import Clip, Plays
+from controller.motion.clip import AS_FOUND, Clip, Format, Plays, ReadingOptions
 from controller.motion.encodings.joint_angles import JointAngles, JointBody, angles_of
-from controller.motion.reading_options import AS_FOUND, Format, ReadingOptions
 from controller.motion.rotations import Array
 from motiondeck_base.arrays_file import Kind, read_arrays, write_arrays
 from motiondeck_base.errors import FileFormatError

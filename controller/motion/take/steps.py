@@ -4,8 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from controller.motion.clip import Clip, Decision
-from controller.motion.reading_options import ReadingOptions
+from controller.motion.clip import Clip, Decision, ReadingOptions
 from controller.motion.take.ground import grounded
 from controller.motion.take.timing import timed
 

@@ -27,9 +27,8 @@ from motiondeck_base.files import check_folder
 
 if TYPE_CHECKING:
     from controller.learning.centralized.reconstruction import Gap
-    from controller.motion.clip import Clip, Markers
+    from controller.motion.clip import Clip, Markers, ReadingOptions
     from controller.motion.formats.reading import FittedClip
-    from controller.motion.reading_options import ReadingOptions
 
 app = typer.Typer(help="Show, convert, draw and view recordings and joint motions.", no_args_is_help=True)
 
@@ -147,7 +146,7 @@ def plot(
 
     Example:  motiondeck clip plot walk.bvh --out walk.png
     """
-    from controller.motion.reading_options import ReadingOptions
+    from controller.motion.clip import ReadingOptions
     from motiondeck.pictures.clip_plot import plot_clip, plot_sheet
 
     recordings = [_read(file, ReadingOptions(skeleton)) for file in files]

@@ -12,7 +12,7 @@ from typer import Option
 from motiondeck_base.errors import MotiondeckError
 
 if TYPE_CHECKING:
-    from controller.motion.reading_options import ReadingOptions
+    from controller.motion.clip import ReadingOptions
 
 PAGE_PORT = 8040
 SHOW_PAGE_PORT = 8050
@@ -72,10 +72,10 @@ class Reading:
 
     def options(self) -> ReadingOptions:
         """The same for the readers; MotiondeckError if a new name is not OLD=NEW, or the unit is impossible."""
-        from controller.motion.reading_options import UNITS, ReadingOptions
+        from controller.motion.clip import ANGLE_UNITS, ReadingOptions
 
         try:
-            unit = None if self.unit is None else UNITS.get(self.unit) or float(self.unit)
+            unit = None if self.unit is None else ANGLE_UNITS.get(self.unit) or float(self.unit)
         except ValueError:
             raise MotiondeckError(f"--unit takes a length in m, deg or rad, not '{self.unit}'") from None
         names = dict(pair.split("=", 1) for pair in self.rename or [] if "=" in pair)

@@ -14,9 +14,8 @@ import msgspec
 import numpy as np
 
 from controller.loop.loop import LoopState
-from controller.motion.posture import Pose
 from controller.motion.rotations import Array
-from controller.motion.skeleton import Skeleton
+from controller.motion.skeleton import Pose, Skeleton
 from controller.networks.base import Activation
 from controller.wire.messages.deck_snapshot import DeckSnapshot
 from controller.wire.run_folder import REASON_FILE, write_shared

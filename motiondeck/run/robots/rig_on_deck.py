@@ -16,9 +16,8 @@ from controller.library.motion_library import MotionLibrary
 from controller.loop.output_channel import Channel
 from controller.motion.clip import Clip
 from controller.motion.encodings.joint_angles import JointRetargeter
-from controller.motion.posture import Pose
 from controller.motion.rotations import Array
-from controller.motion.skeleton import Skeleton
+from controller.motion.skeleton import Pose, Skeleton
 from controller.wire.run_recording import RunRecording
 from hardware.rig.rig_file import load_rig
 from motiondeck.run.guard.guarded_rig import GuardedRig, guard_process

@@ -15,8 +15,8 @@ from controller.deck.interfaces import JointLimits
 from controller.loop.correction import Correction
 from controller.loop.lead import Delay
 from controller.loop.output_channel import Channel
-from controller.motion.posture import Pose
 from controller.motion.rotations import Array
+from controller.motion.skeleton import Pose
 from controller.wire.messages.replies import OnPorts, Refused, Registers, ServoOnPort, ServoRegister
 from motiondeck.run.guard.guarded_rig import (
     AwaitedRegisters,

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from controller.deck.performance import advance, at_origin
-from controller.motion.posture import Posture, walk_path
 from controller.motion.rotations import rotate
+from controller.motion.skeleton import Posture, walk_path
 
 UPRIGHT = np.array([[1.0, 0.0, 0.0, 0.0]])
 

@@ -10,7 +10,7 @@ from controller.deck.deck import Deck
 from controller.deck.joins.deck_motions import BodyCourse, Motion, read_motions
 from controller.deck.routes import LEAP_M, Routes
 from controller.library.motion_library import load_library
-from controller.motion.posture import Posture
+from controller.motion.skeleton import Posture
 from motiondeck_base.shipped import shipped_configs
 
 DT = 0.01

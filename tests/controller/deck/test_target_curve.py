@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from controller.deck.interfaces import JointLimits
 from controller.deck.target_curve import DELAY_TICKS, TargetCurve
 from controller.loop.safety.safety_envelope import SafetyEnvelope
-from controller.motion.posture import Pose
+from controller.motion.skeleton import Pose
 
 DT = 0.005
 LIMITS = JointLimits(*(np.full(3, x) for x in (-2.0, 2.0, 6.0, 60.0, 2000.0)))

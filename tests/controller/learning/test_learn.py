@@ -19,9 +19,9 @@ from controller.learning.trainers.echo_state import EchoStateRecipe
 from controller.learning.trainers.phase_conceptor import PhaseRecipe
 from controller.learning.training_set import prepare
 from controller.library.motion_library import KIND, load_library, save_library
+from controller.motion.clip import ReadingOptions
 from controller.motion.formats.reading import FittedClip
 from controller.motion.formats.writing import bvh_text
-from controller.motion.reading_options import ReadingOptions
 from controller.motion.rotations import multiply
 from motiondeck_base.arrays_file import write_arrays
 from motiondeck_base.errors import MotiondeckError

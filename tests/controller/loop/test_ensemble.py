@@ -5,7 +5,7 @@ import pytest
 
 from controller.deck.interfaces import JointLimits
 from controller.loop.ensemble import Ensemble, RobotOutput, all_limits
-from controller.motion.posture import Pose
+from controller.motion.skeleton import Pose
 
 POSE = Pose(np.zeros(3), np.array(0.0), np.zeros((1, 4)))
 

@@ -13,7 +13,7 @@ from controller.loop.loop import run
 from controller.loop.output_channel import Channel
 from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.loop.stop_requests import SIGNALS
-from controller.motion.posture import Pose
+from controller.motion.skeleton import Pose
 from motiondeck_base.errors import MotiondeckError
 
 JOINTS = 3

@@ -11,7 +11,7 @@ from controller.loop.run_phases import Source, safe_targets
 from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.loop.stop_requests import StopRequest
 from controller.loop.stop_state import EmergencyStopError, StopState
-from controller.motion.posture import Pose
+from controller.motion.skeleton import Pose
 
 JOINTS, DT = 3, 0.005
 POSE = Pose(np.zeros(3), np.array(0.0), np.array([[1.0, 0.0, 0.0, 0.0]]))

@@ -2,8 +2,8 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from controller.motion.posture import Posture, walk_path
 from controller.motion.rotations import IDENTITY, rotate
+from controller.motion.skeleton import Posture, walk_path
 
 
 def still(frames, **changes):

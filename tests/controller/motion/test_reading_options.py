@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from controller.motion.clip import ReadingOptions
 from controller.motion.formats.markers.c3d import read_c3d
 from controller.motion.formats.reading import read_clip
-from controller.motion.reading_options import ReadingOptions
 from motiondeck_base.errors import FileFormatError
 from recordings import AMC, ASF, c3d_bytes, mat_bytes, pattern_fields
 

@@ -8,8 +8,8 @@ from controller.learning.learn import learn
 from controller.learning.recipe import read_recipe
 from controller.learning.training_set import read_motion
 from controller.motion.canonical.canonical_body import to_canonical
+from controller.motion.clip import ReadingOptions
 from controller.motion.formats.reading import read_clip
-from controller.motion.reading_options import ReadingOptions
 from controller.motion.rotations import rotate
 from motiondeck_base.errors import FileFormatError, MotiondeckError
 from people import OFFSET, check_person, moving

@@ -19,7 +19,7 @@ from controller.loop.commands.commanded_run import CommandedRun
 from controller.loop.loop import run
 from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.loop.stop_requests import StopRequest
-from controller.motion.posture import Pose
+from controller.motion.skeleton import Pose
 from controller.wire.command_socket import CommandClient, CommandServer, SocketError
 from controller.wire.local_transport import command_folder
 from controller.wire.messages.arguments import CommandError

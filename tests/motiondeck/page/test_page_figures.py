@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from controller.motion.posture import Pose
+from controller.motion.skeleton import Pose
 from motiondeck.page.body.drawn_model import DrawnModel
 from motiondeck.page.body.live_marks import LiveSteps, TargetPose
 from motiondeck.page.body.solids import batches, poses

@@ -11,7 +11,7 @@ import synthetic
 from benchmarks.simulated_time import VirtualClock
 from controller.deck.deck import Deck
 from controller.loop.stop_requests import SIGNALS
-from controller.motion.posture import Pose
+from controller.motion.skeleton import Pose
 from controller.wire.command_socket import CommandClient
 from controller.wire.messages.commands import EmergencyStop, ServoTorque, Subscribe
 from controller.wire.messages.events import Event

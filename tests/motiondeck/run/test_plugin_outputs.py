@@ -9,7 +9,7 @@ import synthetic
 from benchmarks.simulated_time import VirtualClock
 from controller.deck.deck import Deck
 from controller.loop.output_channel import FAULTS_TO_PARK
-from controller.motion.posture import Pose
+from controller.motion.skeleton import Pose
 from motiondeck.run.assembly import Host, Played, open_session
 from motiondeck.run.plugin_outputs import LateOutputError, PluggedOutput, open_outputs
 from motiondeck.run.robots.robot_on_deck import open_robots

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from controller.motion.posture import Pose
+from controller.motion.skeleton import Pose
 from sim.physics.kinematic_playback import KinematicPlayback
 from sim.physics.playback import PhysicsPlayback
 from sim.robots.robot import load_robot

@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from controller.loop.safety.safety_envelope import SafetyEnvelope
-from controller.motion.posture import Pose
 from controller.motion.rotations import multiply, yaw
+from controller.motion.skeleton import Pose
 from motiondeck_base.errors import MotiondeckError
 from sim.physics.loads import loads_of
 from sim.physics.physics_model import feet_of

@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from controller.motion.posture import Pose
 from controller.motion.rest_pose import FOOT_SLOPE
 from controller.motion.rotations import from_rotation_vector, multiply, to_rotation_vector
+from controller.motion.skeleton import Pose
 from sim.models.model_file import read_model
 from sim.models.surface import LowestPoint
 from sim.retargeting.footing import Footing

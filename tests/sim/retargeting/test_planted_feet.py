@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from test_inverse_kinematics import DT, UP, solver_of, standing
 
-from controller.motion.posture import Pose
+from controller.motion.skeleton import Pose
 from sim.models.model_file import read_model
 from sim.retargeting.human_limbs import LIMBS
 from sim.retargeting.inverse_kinematics import LimbSolver

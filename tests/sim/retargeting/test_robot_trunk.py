@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from controller.motion.posture import Pose
 from controller.motion.rotations import from_matrix, from_rotation_vector, multiply
+from controller.motion.skeleton import Pose
 from sim.retargeting.human_limbs import LIMBS, LimbView
 from sim.retargeting.robot_trunk import STIFF, RobotTrunk, Waist
 from simulated_bodies import HUMAN, bent_pose, human, random_pose, skeleton_of

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from controller.motion.posture import Pose
 from controller.motion.rotations import from_rotation_vector, multiply
+from controller.motion.skeleton import Pose
 from motiondeck_base.errors import FileFormatError, UnknownNameError
 from sim.models.formats.model_text import urdf_speeds
 from sim.models.joint_layout import JointLayout

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from controller.motion.posture import Pose
+from controller.motion.skeleton import Pose
 from sim.models.overlaps import OVERLAP
 from sim.robots.robot import load_robot
 from sim.robots.self_collision import CollisionGuard, SelfCollision

@@ -6,10 +6,9 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 import motiondeck
-from controller.motion.clip import Clip
+from controller.motion.clip import Clip, poses_of
 from controller.motion.formats.reading import recordings_below
 from controller.motion.formats.writing import write_clip
-from controller.motion.posture import poses_of
 from sim.robots.retarget_files import retarget_files
 from sim.robots.robot import load_robot
 from simulated_bodies import human, smooth_poses

@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 
 from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.motion.clip import Clip
-from controller.motion.posture import Pose
 from controller.motion.rotations import from_rotation_vector, multiply, yaw
+from controller.motion.skeleton import Pose
 from sim.physics.playback import PhysicsPlayback
 from sim.robots.calibrate import NO_LEGS
 from sim.robots.carried_findings import carried_findings

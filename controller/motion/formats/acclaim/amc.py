@@ -11,9 +11,8 @@ from typing import TypeAlias
 
 import numpy as np
 
-from controller.motion.clip import Clip
+from controller.motion.clip import Clip, Format, ReadingOptions
 from controller.motion.formats.acclaim.asf import AcclaimSkeleton, from_acclaim, read_asf, turned
-from controller.motion.reading_options import Format, ReadingOptions
 from controller.motion.rotations import Array, conjugate, continuous, multiply
 from controller.motion.up_axis import turned_up
 from motiondeck_base.errors import FileFormatError

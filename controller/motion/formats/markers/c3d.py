@@ -13,8 +13,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.motion.clip import FARTHEST, UNITS, Markers, unit_of_size
-from controller.motion.reading_options import AS_FOUND, Format, ReadingOptions
+from controller.motion.clip import AS_FOUND, FARTHEST, UNITS, Format, Markers, ReadingOptions, unit_of_size
 from controller.motion.rotations import Array
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.files import read_bytes, shortened

@@ -16,8 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from controller.motion.clip import FARTHEST, MOST_NUMBERS, UNITS, Markers
-from controller.motion.reading_options import AS_FOUND, Format, ReadingOptions
+from controller.motion.clip import AS_FOUND, FARTHEST, MOST_NUMBERS, UNITS, Format, Markers, ReadingOptions
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.files import Line, as_float, listed, no_number, read_lines, shortened
 

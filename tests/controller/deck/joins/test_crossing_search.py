@@ -9,10 +9,9 @@ from controller.deck.joins.crossing_search import CrossingSearch, crossed
 from controller.deck.joins.fade_search import LONGEST, SHORTEST, TRIAL_EVERY
 from controller.deck.joins.join_limits import Bounds
 from controller.deck.joins.posture_blend import PostureBlend
-from controller.motion.posture import Posture, walk_path
 from controller.motion.quintic import rise
 from controller.motion.rotations import from_rotation_vector, multiply, normalise
-from controller.motion.skeleton import ROOT, Skeleton
+from controller.motion.skeleton import ROOT, Posture, Skeleton, walk_path
 
 BONES = 3
 BODY = Skeleton("body", ("a", "b", "c"), np.array([ROOT, 0, 1]), np.tile([1.0, 0.0, 0.0], (3, 1)), np.full(3, 0.4))

@@ -3,7 +3,7 @@ import pytest
 
 import motiondeck
 from controller.deck.joins.deck_motions import PEAKS_OVER, read_motions
-from controller.motion.posture import walked_clip
+from controller.motion.clip import walked_clip
 from shipped_libraries import shipped
 
 

@@ -8,9 +8,8 @@ from controller.deck.joins.deck_motions import BodyCourse
 from controller.deck.joins.fade_search import LONGEST, SHORTEST, FadeSearch, Fading
 from controller.deck.joins.join_limits import Bounds
 from controller.deck.joins.transition import displaced
-from controller.motion.posture import Posture
 from controller.motion.rotations import conjugate, multiply, to_rotation_vector
-from controller.motion.skeleton import ROOT, Skeleton
+from controller.motion.skeleton import ROOT, Posture, Skeleton
 
 BODY = Skeleton("rod", ("rod",), np.array([ROOT]), np.array([[1.0, 0.0, 0.0]]), np.array([1.0]))
 STILL = Posture(np.array(1.0), np.zeros(2), np.array(0.0), np.tile([1.0, 0.0, 0.0, 0.0], (2, 1)))

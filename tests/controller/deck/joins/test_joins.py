@@ -12,9 +12,8 @@ from controller.deck.joins.joining import JOININGS
 from controller.deck.joins.transition import extrapolated
 from controller.deck.worst_join import MeasuredDeck, play_join
 from controller.library.motion_library import load_library
-from controller.motion.posture import Pose, Posture
 from controller.motion.rotations import from_rotation_vector, multiply, normalise, to_rotation_vector, yaw
-from controller.motion.skeleton import Skeleton
+from controller.motion.skeleton import Pose, Posture, Skeleton
 from motiondeck_base.shipped import shipped_configs
 
 

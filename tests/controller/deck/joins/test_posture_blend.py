@@ -11,7 +11,6 @@ import synthetic
 from controller.deck.joins.blend_weight import Ramps
 from controller.deck.joins.deck_motions import read_motions, rounds_beside, tempos_in_step
 from controller.deck.joins.posture_blend import PostureBlend, SmoothHeading
-from controller.motion.posture import Posture
 from controller.motion.quintic import rise
 from controller.motion.rotations import (
     conjugate,
@@ -22,6 +21,7 @@ from controller.motion.rotations import (
     to_rotation_vector,
     yaw,
 )
+from controller.motion.skeleton import Posture
 
 BONES, DT = 4, 0.005
 LONG = 0.015  # s of a tick where a test needs many

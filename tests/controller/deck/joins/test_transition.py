@@ -10,7 +10,6 @@ from controller.deck.joins.deck_motions import BodyCourse
 from controller.deck.joins.fade_search import LONGEST, PLANNED_SHARE, SHORTEST, FadeSearch, peaks
 from controller.deck.joins.join_limits import Bounds
 from controller.deck.joins.transition import Fade, best_anchor, difference, displaced, extrapolated
-from controller.motion.posture import Posture
 from controller.motion.rotations import (
     conjugate,
     from_rotation_vector,
@@ -20,7 +19,7 @@ from controller.motion.rotations import (
     to_rotation_vector,
     yaw,
 )
-from controller.motion.skeleton import ROOT, Skeleton
+from controller.motion.skeleton import ROOT, Posture, Skeleton
 
 BONES = 5
 REST = np.tile([1.0, 0.0, 0.0], (BONES - 1, 1))  # all but the first, which is the root

@@ -21,8 +21,8 @@ from controller.motion.canonical.canonical_body import leg
 from controller.motion.clip import Clip
 from controller.motion.formats.taught_clip import taught_clip
 from controller.motion.formats.writing import bvh_text
-from controller.motion.posture import walk_path
 from controller.motion.rotations import multiply
+from controller.motion.skeleton import walk_path
 from motiondeck import load_library as load_motions
 from motiondeck_base.errors import MotiondeckError
 from synthetic import small_library

@@ -12,7 +12,7 @@ from controller.loop.loop import run
 from controller.loop.output_channel import Channel
 from controller.loop.safety.pace import Pace
 from controller.loop.safety.safety_envelope import SafetyEnvelope
-from controller.motion.posture import Pose
+from controller.motion.skeleton import Pose
 
 PERIOD_NS = 5_000_000
 MOST_AHEAD = 1.25  # ticks: in any time T at most T / period + 2.25 are written, of which the first needs no time

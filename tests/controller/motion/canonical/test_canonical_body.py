@@ -27,9 +27,9 @@ from controller.motion.canonical.canonical_body import (
     leg,
     to_canonical,
 )
+from controller.motion.clip import ReadingOptions
 from controller.motion.formats.acclaim.amc import skeleton_of as skeleton_of_recording
 from controller.motion.formats.reading import read_clip
-from controller.motion.reading_options import ReadingOptions
 from controller.motion.rotations import conjugate, multiply, normalise, rotate
 from controller.motion.skeleton import Skeleton, thesis_skeleton
 from motiondeck_base.errors import FileFormatError

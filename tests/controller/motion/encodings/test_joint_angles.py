@@ -13,7 +13,7 @@ from controller.motion.encodings.joint_angles import JointAngles, JointBody, Joi
 from controller.motion.encodings.motion_matching import joint_features
 from controller.motion.formats.reading import read_clip
 from controller.motion.formats.taught_clip import read_taught_clip, save_taught_clip, taught_clip
-from controller.motion.posture import walk_path
+from controller.motion.skeleton import walk_path
 from motiondeck_base.errors import FileFormatError, UnknownNameError
 
 JOINTS = ("pan", "tilt", "grip")

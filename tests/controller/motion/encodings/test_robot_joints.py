@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from controller.motion.encodings.robot_joints import ROOT, RobotJoints, RootPath, quaternion
-from controller.motion.posture import Pose, walk_path
 from controller.motion.rotations import from_rotation_vector, normalise, rotate
+from controller.motion.skeleton import Pose, walk_path
 from motiondeck_base.errors import FileFormatError
 
 PARTS = st.tuples(*[st.floats(-1.0, 1.0)] * 4).filter(lambda q: np.linalg.norm(q) > 0.1)

@@ -11,10 +11,10 @@ from scipy.spatial.transform import Rotation
 
 from benchmarks.recordings.independent_readings import bvh_joints
 from controller.motion.anatomy import anatomy
+from controller.motion.clip import ReadingOptions
 from controller.motion.formats.bvh import read_bvh
 from controller.motion.formats.reading import read_clip
 from controller.motion.formats.writing import bvh_text
-from controller.motion.reading_options import ReadingOptions
 from motiondeck_base.errors import FileFormatError
 from recordings import BVH
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation, Slerp
 
+from controller.motion.clip import ReadingOptions
 from controller.motion.formats.reading import read_clip
 from controller.motion.joint_tree import SeveralPeopleError
-from controller.motion.reading_options import ReadingOptions
 from motiondeck_base.errors import FileFormatError
 from people import KEYS, OFFSET, check_person, moving
 from written_files import GltfFile, gltf_file

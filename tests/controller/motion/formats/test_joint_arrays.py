@@ -11,10 +11,10 @@ from scipy.spatial.transform import Rotation
 
 from controller.motion.canonical.body_doubts import doubts
 from controller.motion.canonical.canonical_body import is_canonical
+from controller.motion.clip import ReadingOptions
 from controller.motion.formats.joint_arrays import MEDIAPIPE, read_joint_arrays
 from controller.motion.formats.reading import read_clip
 from controller.motion.formats.smpl import JOINTS
-from controller.motion.reading_options import ReadingOptions
 from motiondeck_base.errors import FileFormatError
 from people import CANONICAL, in_our_axes, moving
 

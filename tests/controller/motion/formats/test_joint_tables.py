@@ -7,11 +7,11 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from controller.learning.preparation.takes import with_kind
+from controller.motion.clip import ReadingOptions
 from controller.motion.encodings.joint_angles import angles_of
 from controller.motion.formats.reading import read_clip, recordings_below
 from controller.motion.formats.taught_clip import taught_clip
 from controller.motion.formats.writing import write_clip
-from controller.motion.reading_options import ReadingOptions
 from motiondeck_base.errors import FileFormatError
 
 SWING = "time_s,jaw_deg,lid_rad\n0.00,0,0.1\n0.02,90,0.2\n0.04,45,0.3\n"

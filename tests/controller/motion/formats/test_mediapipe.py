@@ -5,10 +5,10 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from controller.motion.clip import ReadingOptions
 from controller.motion.formats.joint_arrays import MEDIAPIPE
 from controller.motion.formats.mediapipe import read_mediapipe
 from controller.motion.formats.reading import read_clip, recordings_below
-from controller.motion.reading_options import ReadingOptions
 from motiondeck_base.errors import FileFormatError
 from people import moving
 

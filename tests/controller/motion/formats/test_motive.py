@@ -10,10 +10,9 @@ from hypothesis import strategies as st
 
 from controller.motion.canonical.body_doubts import doubts
 from controller.motion.canonical.canonical_body import to_canonical
-from controller.motion.clip import Markers
+from controller.motion.clip import Markers, ReadingOptions
 from controller.motion.formats.motive import read_motive
 from controller.motion.formats.reading import read_clip, recordings_below
-from controller.motion.reading_options import ReadingOptions
 from motiondeck_base.errors import FileFormatError
 from people import check_person, moving
 

@@ -11,9 +11,9 @@ import pytest
 
 from controller.motion.canonical.body_doubts import doubts
 from controller.motion.canonical.canonical_body import to_canonical
+from controller.motion.clip import ReadingOptions
 from controller.motion.formats.markers.c3d import read_c3d
 from controller.motion.formats.reading import read_clip
-from controller.motion.reading_options import ReadingOptions
 from motiondeck_base.errors import FileFormatError
 from people import KEYS, OFFSET, check_person, in_our_axes, moving
 from recordings import c3d_bytes

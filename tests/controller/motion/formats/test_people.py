@@ -8,9 +8,9 @@ from controller.learning.fit import judge_against
 from controller.learning.learn import learn
 from controller.learning.training_set import read_motion
 from controller.library.motion_library import load_library, save_library
+from controller.motion.clip import ReadingOptions
 from controller.motion.formats.reading import read_clip
 from controller.motion.joint_tree import SeveralPeopleError
-from controller.motion.reading_options import ReadingOptions
 from motiondeck_base.errors import FileFormatError
 from people import check_person, moving
 from written_files import MIXAMO, bvh_text, mvnx_text, trc_text

@@ -9,11 +9,10 @@ from bodies import random_body, random_clip
 from controller.motion.canonical.body_doubts import doubts
 from controller.motion.canonical.canonical_body import to_canonical
 from controller.motion.canonical.clip_edits import mirrored
-from controller.motion.clip import Clip
+from controller.motion.clip import Clip, ReadingOptions
 from controller.motion.formats.positions import read_positions
 from controller.motion.formats.reading import read_clip, recordings_below
 from controller.motion.formats.writing import csv_text, markers_csv, write_clip
-from controller.motion.reading_options import ReadingOptions
 from controller.motion.rotations import multiply, normalise
 from motiondeck_base.errors import FileFormatError
 from people import CANONICAL, in_our_axes, moving

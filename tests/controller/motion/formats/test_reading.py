@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
+from controller.motion.clip import ReadingOptions
 from controller.motion.formats.reading import read_clip
-from controller.motion.reading_options import ReadingOptions
 from motiondeck_base.errors import FileFormatError
 from recordings import AMC, ASF, mat_bytes, pattern_fields
 

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 import scipy.io
 
+from controller.motion.clip import ReadingOptions
 from controller.motion.encodings.bone_directions import BoneDirections
 from controller.motion.encodings.normalisation import Normalisation
 from controller.motion.formats.acclaim.amc import read_amc
 from controller.motion.formats.acclaim.asf import read_asf
 from controller.motion.formats.jaeger_patterns import read_pattern
 from controller.motion.formats.reading import read_clip
-from controller.motion.reading_options import ReadingOptions
 
 CMU = ["02", "07", "08", "09", "10", "16", "35", "86"]
 HDM05 = ["bd", "bk", "dg", "mm", "tr"]

@@ -5,9 +5,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from controller.motion.clip import ReadingOptions
 from controller.motion.encodings.joint_angles import angles_of
 from controller.motion.formats.reading import read_clip, recordings_below
-from controller.motion.reading_options import ReadingOptions
 from motiondeck_base.errors import FileFormatError
 from sim.robots.joint_motion import JointMotion
 

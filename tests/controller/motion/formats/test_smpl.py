@@ -5,9 +5,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from controller.motion.canonical.canonical_body import landmarks_of, to_canonical
+from controller.motion.clip import ReadingOptions
 from controller.motion.formats.reading import read_clip
 from controller.motion.formats.smpl import JOINTS, PARENT, average_joints
-from controller.motion.reading_options import ReadingOptions
 from motiondeck_base.errors import FileFormatError
 
 RNG = np.random.default_rng(5)

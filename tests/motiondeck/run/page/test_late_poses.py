@@ -1,6 +1,6 @@
 import numpy as np
 
-from controller.motion.posture import Pose
+from controller.motion.skeleton import Pose
 from motiondeck.run.page.page import LatePoses
 
 

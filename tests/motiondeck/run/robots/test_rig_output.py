@@ -11,7 +11,7 @@ from controller.deck.interfaces import JointLimits
 from controller.loop.loop import run
 from controller.loop.output_channel import Channel
 from controller.loop.safety.safety_envelope import SafetyEnvelope
-from controller.motion.posture import Pose
+from controller.motion.skeleton import Pose
 from hardware.bus.servo_bus import Bus
 from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.pty_server import PtyServer

@@ -5,10 +5,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from controller.motion.anatomy import anatomy
+from controller.motion.clip import ReadingOptions
 from controller.motion.formats.jaeger_patterns import read_pattern
 from controller.motion.formats.reading import read_clip
-from controller.motion.posture import Pose
-from controller.motion.reading_options import ReadingOptions
+from controller.motion.skeleton import Pose
 from shipped_libraries import shipped
 from sim.models.joint_layout import JointLayout
 from sim.models.mannequin.mannequin import build_mannequin

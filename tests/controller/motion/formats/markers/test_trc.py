@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from controller.motion.canonical.canonical_body import is_canonical
+from controller.motion.clip import ReadingOptions
 from controller.motion.formats.markers.c3d import read_c3d
 from controller.motion.formats.markers.marker_fit import fit_markers
 from controller.motion.formats.markers.trc import read_trc
 from controller.motion.formats.reading import read_clip, read_fitted
-from controller.motion.reading_options import ReadingOptions
 from motiondeck_base.errors import FileFormatError
 from people import moving
 from written_files import trc_text
