@@ -24,7 +24,7 @@ from controller.wire.messages import commands
 from controller.wire.messages.arguments import CommandError
 from controller.wire.messages.command_table import checked, parse_command
 from controller.wire.messages.commands import DeckCommand
-from controller.wire.messages.events import Event as DeckEvent
+from controller.wire.messages.replies import Event as DeckEvent
 from controller.wire.messages.replies import Refused, Reply
 from motiondeck.deck_commands import DeckCommands
 from motiondeck.libraries import Library

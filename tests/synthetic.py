@@ -16,8 +16,7 @@ from controller.learning.trainers.phase_echo_state import PhaseEchoStateRecipe
 from controller.learning.trainers.random_feature import RandomFeatureRecipe
 from controller.learning.trainers.trainer import Lessons, trainer_of
 from controller.learning.training_set import TrainingSet
-from controller.library.library_header import VERSION, LibraryInfo, MotionInfo
-from controller.library.motion_library import MotionLibrary
+from controller.library.motion_library import VERSION, LibraryInfo, MotionInfo, MotionLibrary
 from controller.motion.encodings.bone_directions import BoneDirections
 from controller.motion.encodings.normalisation import Normalisation
 from controller.motion.skeleton import Skeleton

@@ -38,7 +38,7 @@ from controller.motion.skeleton import ROOT, Pose, Skeleton
 from motiondeck.run.sampled_motions import as_clip
 from motiondeck_base.shipped import find_library, find_robot
 from sim.models.robot_file import read_robot_file
-from sim.retargeting.robot_parts import SIDES
+from sim.retargeting.limb_finder import SIDES
 from sim.robots.fidelity import carry, floor_measures, joint_measures
 from sim.robots.limb_directions import LimbDirections
 from sim.robots.robot import Robot, load_robot

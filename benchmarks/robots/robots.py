@@ -41,8 +41,8 @@ from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.shipped import find_library
 from sim.models.surface import LowestPoint
 from sim.retargeting.human_limbs import LimbView
+from sim.retargeting.limb_finder import SIDES
 from sim.retargeting.robot_limbs import RobotLimbs
-from sim.retargeting.robot_parts import SIDES
 from sim.robots.calibrate import calibrate
 from sim.robots.fidelity import floor_measures
 from sim.robots.limb_directions import LimbDirections

@@ -24,7 +24,7 @@ from controller.motion.skeleton import Pose, Posture
 from controller.networks.base import Activation
 from controller.wire.messages.arguments import HELD, PHASE, TEMPO
 from controller.wire.messages.blends import blend_weights
-from controller.wire.messages.events import Event
+from controller.wire.messages.replies import Event
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
 
 MOST_QUEUED = 32

@@ -9,7 +9,7 @@ from controller.deck.switch import CommandedSwitch
 from controller.deck.tempo import Paced
 from controller.motion.rotations import Array, normalise
 from controller.motion.skeleton import Pose
-from controller.wire.messages.events import Event
+from controller.wire.messages.replies import Event
 from controller.wire.run_recording import RunRecording
 from motiondeck_base.errors import MotiondeckError
 

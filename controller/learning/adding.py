@@ -18,8 +18,7 @@ from controller.learning.measures.self_test import Judge, run_free, self_test
 from controller.learning.recipe import MotionRecipe, check_name, recipe_of
 from controller.learning.trainers.trainer import NewMotion, kind_of, trainer_of
 from controller.learning.training_set import LearnedPart, to_learn
-from controller.library.library_header import MotionInfo
-from controller.library.motion_library import MotionLibrary
+from controller.library.motion_library import MotionInfo, MotionLibrary
 from controller.motion.canonical.clip_edits import mirrored
 from controller.motion.clip import Clip
 from motiondeck_base.errors import MotiondeckError

@@ -16,8 +16,7 @@ from controller.learning.recipe import LibraryRecipe, MotionRecipe, NetworkRecip
 from controller.learning.recording_analysis import find_skeleton
 from controller.learning.trainers.trainer import Lessons, kind_of, nrmse, trainer_of
 from controller.learning.training_set import Progress, Recorded, TrainingSet, prepare, read_motion, to_learn
-from controller.library.library_header import VERSION, LibraryInfo, MotionInfo
-from controller.library.motion_library import MotionLibrary
+from controller.library.motion_library import VERSION, LibraryInfo, MotionInfo, MotionLibrary
 from controller.motion.clip import AS_FOUND
 from controller.motion.rotations import Array
 from controller.motion.skeleton import Skeleton

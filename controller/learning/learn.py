@@ -21,8 +21,7 @@ from controller.learning.recipe import LibraryRecipe, NetworkRecipe, check_recip
 from controller.learning.recording_analysis import AnalysedRecording, analyse_recording, numbered
 from controller.learning.trainers.phase_conceptor import PhaseRecipe
 from controller.learning.training_set import COMMON_RATE, LearnedPart, Progress, TrainingSet, prepare
-from controller.library.library_header import MotionInfo
-from controller.library.motion_library import MotionLibrary
+from controller.library.motion_library import MotionInfo, MotionLibrary
 from controller.motion.canonical.actors import hands_off
 from controller.motion.clip import AS_FOUND, Clip, Decision, Plays, ReadingOptions
 from controller.motion.formats.reading import CONVERTIBLE, FORMATS, recordings_below

@@ -15,7 +15,7 @@ from controller.learning.preparation.takes import by_motion, motion_of
 from controller.learning.trainers.centralized import CentralizedRecipe
 from controller.learning.trainers.phase_conceptor import PhaseRecipe
 from controller.learning.trainers.trainer import NetworkRecipe, network_recipes, trainer_of
-from controller.library.library_header import with_ways
+from controller.library.motion_library import with_ways
 from controller.motion.clip import Up
 from controller.motion.formats.reading import read_clip
 from motiondeck_base.errors import FileFormatError, MotiondeckError

@@ -7,7 +7,7 @@ import numpy as np
 import viser
 
 from controller.wire.command_socket import CommandClient
-from controller.wire.messages.events import Event
+from controller.wire.messages.replies import Event
 from motiondeck.page.body.body_push import BodyPush
 from motiondeck.page.body.drawn_model import DrawnModel
 from motiondeck.page.body.live_marks import LiveForces, LiveSteps, TargetPose

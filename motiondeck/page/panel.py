@@ -14,8 +14,7 @@ from controller.wire.messages.arguments import TEMPO
 from controller.wire.messages.command_table import BY_WORD
 from controller.wire.messages.commands import SIDES, DeckCommand, Side
 from controller.wire.messages.deck_snapshot import DeckSnapshot
-from controller.wire.messages.events import Event
-from controller.wire.messages.replies import Refused
+from controller.wire.messages.replies import Event, Refused
 from motiondeck.page.figures import loop_figures, recognition_text
 from motiondeck.page.ghost import WAYS
 from motiondeck.page.motions.motion_controls import MotionControls

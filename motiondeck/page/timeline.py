@@ -8,7 +8,7 @@ from typing import Any
 
 import viser
 
-from controller.wire.messages.events import Event
+from controller.wire.messages.replies import Event
 from motiondeck.page.web.page_state import Picture
 from motiondeck.page.web.parts import PageParts
 

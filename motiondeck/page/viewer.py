@@ -20,7 +20,7 @@ import numpy as np
 
 from controller.wire.command_socket import CommandClient
 from controller.wire.messages.commands import Subscribe
-from controller.wire.messages.events import Event
+from controller.wire.messages.replies import Event
 from controller.wire.run_folder import REASON_FILE
 from controller.wire.telemetry import StateReader, named
 from motiondeck.page.deck_view import DeckView

@@ -18,8 +18,7 @@ from controller.learning.recipe import LibraryRecipe, MotionRecipe, recipe_of
 from controller.learning.trainers.phase_conceptor import PhaseRecipe
 from controller.learning.trainers.trainer import trainer_of
 from controller.learning.training_set import TrainingSet
-from controller.library.library_header import BakedFrom, MotionInfo
-from controller.library.motion_library import MotionLibrary, load_library
+from controller.library.motion_library import BakedFrom, MotionInfo, MotionLibrary, load_library
 from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.motion.clip import Clip
 from controller.motion.encodings.robot_joints import RobotJoints

@@ -11,8 +11,17 @@ from controller.wire.messages.arguments import CommandError
 from controller.wire.messages.blends import described
 from controller.wire.messages.command_table import BY_WORD, COMMANDS, parse_command
 from controller.wire.messages.commands import Blend, DeckCommand, GetStatus, GiveBeat, Subscribe, Switch
-from controller.wire.messages.events import Event
-from controller.wire.messages.replies import Accepted, OnPorts, PhaseNow, Refused, Registers, Reply, Settled, State
+from controller.wire.messages.replies import (
+    Accepted,
+    Event,
+    OnPorts,
+    PhaseNow,
+    Refused,
+    Registers,
+    Reply,
+    Settled,
+    State,
+)
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.near_names import did_you_mean
 

@@ -17,8 +17,7 @@ import msgspec
 from controller.wire.command_socket import CommandClient, CommandServer
 from controller.wire.messages import commands
 from controller.wire.messages.arguments import CommandError
-from controller.wire.messages.events import Event
-from controller.wire.messages.replies import Accepted, PhaseNow, Refused, State
+from controller.wire.messages.replies import Accepted, Event, PhaseNow, Refused, State
 from motiondeck.shows import messages
 from motiondeck.shows.clock_estimate import ClockEstimate, RoundTrip
 from motiondeck.shows.known_stops import MOST_SENT, KnownStops, StopMemory

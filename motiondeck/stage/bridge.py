@@ -12,8 +12,7 @@ from controller.wire.command_socket import CommandClient
 from controller.wire.local_transport import PeerGoneError, SocketError
 from controller.wire.messages.arguments import AGO
 from controller.wire.messages.commands import DeckCommand, EmergencyStop, GetStatus, GiveBeat, Subscribe
-from controller.wire.messages.events import Event
-from controller.wire.messages.replies import Reply, State
+from controller.wire.messages.replies import Event, Reply, State
 from motiondeck.stage.osc import OscOutput
 from motiondeck.stage.signals import Input, Notify, Signal
 

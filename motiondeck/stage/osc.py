@@ -15,8 +15,7 @@ from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
 from controller.wire.messages.arguments import CommandError
-from controller.wire.messages.events import Event
-from controller.wire.messages.replies import State
+from controller.wire.messages.replies import Event, State
 from motiondeck.stage.command_pattern import CommandPattern
 from motiondeck.stage.signals import Notify, Signal
 from motiondeck_base.errors import MotiondeckError

@@ -12,7 +12,7 @@ import numpy as np
 
 from controller.motion.rotations import Array, Indices, dot, from_rotation_vector, to_rotation_vector
 from motiondeck_base.errors import FileFormatError
-from sim.models.coupled_joints import LedJoints, led_joints
+from sim.models.kinematic_tree import LedJoints, led_joints
 
 # Number of coordinates, and so servos, of a joint; slides are not played.
 _COORDINATES = {int(mujoco.mjtJoint.mjJNT_HINGE): 1, int(mujoco.mjtJoint.mjJNT_BALL): 3}

@@ -24,13 +24,12 @@ import numpy as np
 
 from motiondeck_base.errors import FileFormatError, UnknownNameError
 from sim.models.ball_joints import hinges_for_balls, unplayed_balls, unused
-from sim.models.coupled_joints import followers
 from sim.models.formats.mesh_files import compiled, find_meshes, read_solids
 from sim.models.formats.model_text import has_collision_shapes, model_kind, readable_urdf
 from sim.models.formats.urdf_visuals import note_source
 from sim.models.free_root import free_root
 from sim.models.gravity import GRAVITY
-from sim.models.kinematic_tree import below, path_to
+from sim.models.kinematic_tree import below, followers, path_to
 from sim.models.surface import Surface
 
 LAST_SHOWN_GROUP = 2

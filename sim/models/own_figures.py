@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 
 from motiondeck_base.errors import FileFormatError, UnknownNameError
-from sim.models.coupled_joints import followers
+from sim.models.kinematic_tree import followers
 from sim.models.robot_file import JointLimit
 from sim.models.servo_motor import Motors, ServoMotor, strength
 

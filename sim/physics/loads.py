@@ -20,8 +20,8 @@ from sim.models.feet import Foot
 from sim.models.gravity import GRAVITY
 from sim.models.kinematic_tree import below
 from sim.models.surface import LowestPoint, Surface
+from sim.physics.balance import convex_hull, margin
 from sim.physics.played_motions import DT, PlayedMotion
-from sim.physics.support_polygon import convex_hull, margin
 from sim.robots.robot import Robot
 from sim.robots.self_collision import SelfCollision
 

@@ -26,10 +26,9 @@ from controller.motion.rotations import Array
 from controller.motion.skeleton import Pose, Skeleton
 from sim.retargeting.human_limbs import LIMBS
 from sim.retargeting.human_stance import HumanStance
-from sim.retargeting.limb_finder import FEET, PLANE, TRUNK
+from sim.retargeting.limb_finder import FEET, PLANE, SIDES, TRUNK
 from sim.retargeting.planted_feet import PlantedFeet
 from sim.retargeting.robot_limbs import RobotLimbs
-from sim.retargeting.robot_parts import SIDES
 from sim.retargeting.robot_trunk import RobotTrunk, turned_by, vector_of
 from sim.retargeting.stuck_limbs import StuckLimbs
 

@@ -12,9 +12,8 @@ import numpy as np
 from controller.motion.rotations import Array
 from controller.motion.skeleton import Pose
 from sim.retargeting.human_stance import HumanStance
-from sim.retargeting.limb_finder import FEET
+from sim.retargeting.limb_finder import FEET, SIDES
 from sim.retargeting.robot_limbs import RobotLimbs
-from sim.retargeting.robot_parts import SIDES
 
 # Time constants of holding and releasing a foot, and of held values that follow the robot, s.
 SETTLES, GOES_ALONG = 0.03, 0.01

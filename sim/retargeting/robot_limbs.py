@@ -10,13 +10,11 @@ import numpy as np
 from controller.deck.interfaces import JointLimits
 from controller.motion.rest_pose import FOOT_SLOPE
 from controller.motion.rotations import Array, Flags
-from sim.models.coupled_joints import LedJoints, followers
-from sim.models.kinematic_tree import Scratch, UprightPelvis, below, joints_above
+from sim.models.kinematic_tree import LedJoints, Scratch, UprightPelvis, below, followers, joints_above
 from sim.models.limb_geometry import ACROSS
 from sim.models.surface import Surface
 from sim.retargeting.human_limbs import AHEAD, LEFT, LIMBS
-from sim.retargeting.limb_finder import LimbFinder
-from sim.retargeting.robot_parts import SIDES, bodies_of_parts, without_legs
+from sim.retargeting.limb_finder import SIDES, LimbFinder, bodies_of_parts, without_legs
 from sim.retargeting.robot_trunk import Waist
 
 

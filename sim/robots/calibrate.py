@@ -23,19 +23,19 @@ from controller.motion.rest_pose import FOOT_SLOPE
 from controller.motion.rotations import Array
 from motiondeck_base.counted import counted
 from motiondeck_base.errors import FileFormatError
-from sim.models.coupled_joints import followers
 from sim.models.formats.mesh_files import MISSING
 from sim.models.formats.model_text import model_kind, urdf_speeds, visual_packages
 from sim.models.formats.urdf_visuals import missing_visuals
 from sim.models.joint_layout import JointLayout
+from sim.models.kinematic_tree import followers
 from sim.models.model_file import read_model
 from sim.models.robot_file import Angle
 from sim.models.surface import LowestPoint
 from sim.retargeting.human_limbs import LIMBS
 from sim.retargeting.inverse_kinematics import LimbSolver
+from sim.retargeting.limb_finder import SIDES, without_legs
 from sim.retargeting.retarget import SERVO_HUMANOID_JOINTS, LimbAngles
 from sim.retargeting.robot_limbs import RobotLimbs, limb_directions
-from sim.retargeting.robot_parts import SIDES, without_legs
 from sim.robots.body_matching import match
 from sim.robots.limb_directions import LimbDirections
 from sim.robots.proportions import (

@@ -20,8 +20,7 @@ import numpy as np
 
 from controller.deck.interfaces import JointLimits
 from controller.motion.rotations import Array, Flags, Indices
-from sim.models.coupled_joints import followers
-from sim.models.kinematic_tree import path_to
+from sim.models.kinematic_tree import followers, path_to
 from sim.robots.limb_directions import MEAN_LIMIT, WORST_LIMIT, LimbDirections, LimbSegment, degrees_between
 from sim.robots.robot import Robot
 

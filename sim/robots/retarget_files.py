@@ -23,7 +23,7 @@ from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.files import write_file
 from motiondeck_base.jobs import EVERY_CORE, Jobs, spread
 from sim.models.robot_file import Solver
-from sim.retargeting.robot_parts import SIDES
+from sim.retargeting.limb_finder import SIDES
 from sim.robots.carried_findings import carried_findings, joint_findings
 from sim.robots.fidelity import floor_measures, followed, joint_measures
 from sim.robots.joint_motion import JointMotion, retargeted

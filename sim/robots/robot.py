@@ -40,9 +40,9 @@ from sim.models.walk_settings import WalkSettings
 from sim.retargeting.baked_root import BakedRoot
 from sim.retargeting.footing import FixedBase, Footing
 from sim.retargeting.human_stance import HumanStance
+from sim.retargeting.limb_finder import without_legs
 from sim.retargeting.retarget import MannequinRetargeter, ServoHumanoidRetargeter
 from sim.retargeting.robot_limbs import RobotLimbs
-from sim.retargeting.robot_parts import without_legs
 from sim.retargeting.robot_trunk import STIFF, RobotTrunk, UprightTrunk
 
 DT = 0.005  # default time from pose to pose, s

@@ -16,8 +16,7 @@ import numpy as np
 from controller.motion.rotations import Array, Flags
 from controller.motion.skeleton import Pose
 from motiondeck_base.errors import MotiondeckError
-from sim.models.coupled_joints import followers
-from sim.models.kinematic_tree import path_to
+from sim.models.kinematic_tree import followers, path_to
 from sim.models.overlaps import OVERLAP, near_bodies, overlaps
 from sim.models.scenery import FLOOR
 from sim.robots.robot import Robot

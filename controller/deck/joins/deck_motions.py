@@ -8,8 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controller.library.library_header import MotionInfo
-from controller.library.motion_library import MotionLibrary, once_a_library
+from controller.library.motion_library import MotionInfo, MotionLibrary, once_a_library
 from controller.motion.cubic import between_frames
 from controller.motion.encodings.motion_matching import joint_features
 from controller.motion.rotations import Array, dot, normalise, rotate

@@ -11,8 +11,7 @@ from controller.loop.stop_requests import StopRequest
 from controller.wire.command_socket import Address, CommandServer
 from controller.wire.messages.commands import AtTime, DeckCommand, EmergencyStop
 from controller.wire.messages.deck_snapshot import Mode
-from controller.wire.messages.events import EventKind
-from controller.wire.messages.replies import Accepted, Refused, Reply
+from controller.wire.messages.replies import Accepted, EventKind, Refused, Reply
 
 _REMEMBERED = 16  # emergency stops
 

@@ -14,8 +14,7 @@ from controller.loop.stop_state import EmergencyStopError
 from controller.wire.messages import commands
 from controller.wire.messages.commands import DeckCommand
 from controller.wire.messages.deck_snapshot import Mode, SnapshotSource
-from controller.wire.messages.events import Event
-from controller.wire.messages.replies import Accepted, PhaseNow, Refused, Reply, State
+from controller.wire.messages.replies import Accepted, Event, PhaseNow, Refused, Reply, State
 from motiondeck_base.errors import MotiondeckError, in_words
 
 

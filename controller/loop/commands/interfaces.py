@@ -9,9 +9,8 @@ from typing import NamedTuple, Protocol, runtime_checkable
 from controller.wire.command_socket import Address, CommandServer
 from controller.wire.messages.commands import Side
 from controller.wire.messages.deck_snapshot import DeckState
-from controller.wire.messages.events import Event
 from controller.wire.messages.lock_state import LockSource
-from controller.wire.messages.replies import Reply, SecondReply
+from controller.wire.messages.replies import Event, Reply, SecondReply
 
 
 class Progress(Protocol):

@@ -10,8 +10,7 @@ from controller.loop.commands.commanded_run import refusal
 from controller.loop.commands.interfaces import Client, Look, Playback, Progress
 from controller.wire.command_socket import Address
 from controller.wire.messages.commands import DeckCommand, Heartbeat, Subscribe
-from controller.wire.messages.events import Event, EventKind
-from controller.wire.messages.replies import Refused, SecondReply, Settled
+from controller.wire.messages.replies import Event, EventKind, Refused, SecondReply, Settled
 
 _MOST_LISTENERS = 64
 _FORGOTTEN_AFTER = 60.0  # s that a subscriber over a network may be silent

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     from controller.deck.worst_join import Join
     from controller.learning.training_set import LearnedPart
-    from controller.library.library_header import MotionInfo
+    from controller.library.motion_library import MotionInfo
 
 
 def report(library: MotionLibrary) -> dict[str, object]:

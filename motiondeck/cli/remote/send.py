@@ -134,8 +134,7 @@ def events(
 
     from controller.wire.messages.command_table import checked
     from controller.wire.messages.commands import Heartbeat, Subscribe
-    from controller.wire.messages.events import Event
-    from controller.wire.messages.replies import Refused
+    from controller.wire.messages.replies import Event, Refused
     from motiondeck.run.terminal import describe
     from motiondeck_base.errors import MotiondeckError
 

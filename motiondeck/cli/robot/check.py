@@ -15,7 +15,7 @@ from motiondeck.cli.common.tables import show_table
 from motiondeck_base.counted import counted
 from motiondeck_base.errors import MotiondeckError
 from sim.models.robot_file import Solver
-from sim.retargeting.robot_parts import SIDES
+from sim.retargeting.limb_finder import SIDES
 from sim.robots.carried_findings import SegmentAngle, findings_of, joint_findings, segment_angles
 from sim.robots.fidelity import Carried, carry, floor_measures, joint_measures, shortfall
 from sim.robots.limb_directions import LimbDirections, beyond_limits

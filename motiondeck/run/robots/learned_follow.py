@@ -18,7 +18,7 @@ import numpy as np
 
 from controller.deck.deck import Deck
 from controller.deck.interfaces import JointLimits
-from controller.library.library_header import LibraryInfo
+from controller.library.motion_library import LibraryInfo
 from controller.loop.correction import Correction, Key
 from controller.loop.lead import Lead
 from controller.motion.rotations import Array

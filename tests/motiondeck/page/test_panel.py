@@ -9,8 +9,7 @@ import pytest
 from controller.wire.command_socket import CommandClient, CommandServer
 from controller.wire.messages.commands import EmergencyStop, Push, StepOn, Switch
 from controller.wire.messages.deck_snapshot import BlendPart, DeckSnapshot
-from controller.wire.messages.events import Event
-from controller.wire.messages.replies import Accepted
+from controller.wire.messages.replies import Accepted, Event
 from controller.wire.stop_door import StopDoor
 from motiondeck.page.panel import Panel
 from motiondeck.page.web.page_state import PageDescription

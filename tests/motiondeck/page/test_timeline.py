@@ -3,7 +3,7 @@
 import numpy as np
 
 from controller.wire.messages.deck_snapshot import DeckSnapshot
-from controller.wire.messages.events import Event
+from controller.wire.messages.replies import Event
 from motiondeck.page.timeline import SECONDS, Timeline
 from motiondeck.page.web.page_state import Picture, PictureArrays
 

@@ -27,9 +27,8 @@ from controller.wire.messages.commands import (
     Switch,
 )
 from controller.wire.messages.deck_snapshot import DeckSnapshot, TickHealth
-from controller.wire.messages.events import Event
 from controller.wire.messages.lock_state import LockState
-from controller.wire.messages.replies import Accepted, Refused
+from controller.wire.messages.replies import Accepted, Event, Refused
 from controller.wire.snapshot_numbers import SnapshotNumbers
 from controller.wire.telemetry import StateWriter
 from motiondeck.page.scene import Follower, facing

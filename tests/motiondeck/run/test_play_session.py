@@ -14,8 +14,7 @@ from controller.loop.stop_requests import SIGNALS
 from controller.motion.skeleton import Pose
 from controller.wire.command_socket import CommandClient
 from controller.wire.messages.commands import EmergencyStop, ServoTorque, Subscribe
-from controller.wire.messages.events import Event
-from controller.wire.messages.replies import Accepted
+from controller.wire.messages.replies import Accepted, Event
 from motiondeck.run.assembly import Host, Played, open_session
 from motiondeck.run.robots.robot_on_deck import open_robots
 from motiondeck.run.spec.run_spec import RunSpec

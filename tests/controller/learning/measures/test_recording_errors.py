@@ -14,8 +14,7 @@ from controller.deck.motion_generator import MotionGenerator
 from controller.learning.fit import judge_against, judged
 from controller.learning.learn import learn
 from controller.learning.measures.recording_errors import recorded_part, recording_error
-from controller.library.library_header import read_header
-from controller.library.motion_library import load_library, save_library
+from controller.library.motion_library import load_library, read_header, save_library
 from controller.library.recording_error import LARGEST_DEGREES, Errors, RecordingError
 from controller.motion.canonical.canonical_body import leg
 from controller.motion.clip import Clip

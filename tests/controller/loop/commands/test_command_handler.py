@@ -38,8 +38,7 @@ from controller.wire.messages.commands import (
     WriteRegister,
     encode,
 )
-from controller.wire.messages.events import Event
-from controller.wire.messages.replies import Accepted, PhaseNow, Refused, Registers, State
+from controller.wire.messages.replies import Accepted, Event, PhaseNow, Refused, Registers, State
 from motiondeck.run.session import WiredStopWatch
 
 

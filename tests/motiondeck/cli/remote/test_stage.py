@@ -11,8 +11,7 @@ import pytest
 from command_line import motiondeck
 from controller.wire.command_socket import CommandServer
 from controller.wire.messages.commands import GetStatus, Pause, Subscribe, Switch
-from controller.wire.messages.events import Event
-from controller.wire.messages.replies import Accepted, Refused, State
+from controller.wire.messages.replies import Accepted, Event, Refused, State
 from motiondeck.cli.remote.stage import _print_reply
 
 mido = pytest.importorskip("mido")

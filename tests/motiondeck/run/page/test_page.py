@@ -17,8 +17,7 @@ from bodies import waving
 from controller.motion.formats.writing import bvh_text
 from controller.wire.command_socket import CommandClient
 from controller.wire.messages.commands import GetStatus, Subscribe
-from controller.wire.messages.events import Event
-from controller.wire.messages.replies import Accepted
+from controller.wire.messages.replies import Accepted, Event
 from motiondeck_base.shipped import find_rig
 from web_pages import drop, open_early, printed_address
 

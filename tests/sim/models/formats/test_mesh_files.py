@@ -5,8 +5,7 @@ import numpy as np
 import pytest
 
 from motiondeck_base.errors import FileFormatError
-from sim.models.formats.collada import read_collada
-from sim.models.formats.mesh_files import read_triangles
+from sim.models.formats.mesh_files import read_collada, read_triangles
 from sim.models.formats.urdf_visuals import with_visuals
 from sim.models.model_file import read_model
 from sim.models.surface import LowestPoint
