@@ -1,4 +1,4 @@
-"""MIDI: notes, the beats of a clock and the times of a timecode are commands."""
+"""MIDI: notes, controls, the beats of a clock and the times of a timecode are commands."""
 
 from collections.abc import Iterable, Iterator
 from typing import Any
@@ -7,7 +7,7 @@ from controller.wire.messages.commands import GiveBeat
 from motiondeck.stage.command_pattern import CommandPattern
 from motiondeck.stage.midi_port import MidiPort
 from motiondeck.stage.signals import Signal
-from motiondeck.stage.stage_file import MidiMap
+from motiondeck.stage.stage_file import MidiMap, control_values
 from motiondeck.stage.timecode import TimecodeReader
 
 _FULL_FRAME = (0x7F, 0x01, 0x01)  # universal real time, timecode, full message; the second byte is a device
@@ -40,6 +40,9 @@ class MidiInput:
             case "note_on" if message.velocity and stage.channel in (None, message.channel):
                 if message.note in stage.notes:
                     return self._given(at, f"note {message.note}", stage.notes[message.note])
+            case "control_change" if message.control in stage.controls and stage.channel in (None, message.channel):
+                pattern, value = stage.controls[message.control], control_values(message.value)
+                return self._given(at, f"control {message.control}", pattern, value)
             case "quarter_frame":
                 return self._cues(at, message.frame_type, message.frame_value)
             case "sysex" if len(message.data) > 3 and (message.data[0], *message.data[2:4]) == _FULL_FRAME:
@@ -57,8 +60,10 @@ class MidiInput:
                 if passed.contains(cue):
                     yield from self._given(at, "{:02}:{:02}:{:02}:{:02}".format(*cue), pattern)
 
-    def _given(self, at: float, source: str, pattern: CommandPattern) -> Iterator[Signal]:
-        command = pattern.command()
+    def _given(
+        self, at: float, source: str, pattern: CommandPattern, value: tuple[float, float] = (1.0, 1.0)
+    ) -> Iterator[Signal]:
+        command = pattern.command(value[:1] if pattern.complete else value)
         if command is not None:
             yield Signal(at, source, command)
 

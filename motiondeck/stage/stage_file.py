@@ -29,6 +29,7 @@ class _Midi(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     channel: Annotated[int, msgspec.Meta(ge=1, le=16)] | None = None
     clock: bool = False
     notes: dict[str, str] = {}
+    controls: dict[str, str] = {}
     timecode: dict[str, str] = {}
 
 
@@ -51,9 +52,10 @@ class MidiMap:
     """What MIDI does."""
 
     input: str  # the name of a port, or the path of a raw MIDI device
-    channel: int | None  # the only one whose notes count, from 0; None for all
+    channel: int | None  # the only one whose notes and controls count, from 0; None for all
     clock: bool
     notes: Mapping[int, CommandPattern]
+    controls: Mapping[int, CommandPattern]  # by number of the controller
     cues: Mapping[Timecode, CommandPattern]
 
 
@@ -67,7 +69,11 @@ class StageMap:
     @property
     def patterns(self) -> list[CommandPattern]:
         """All commands in it."""
-        midi = [*self.midi.notes.values(), *self.midi.cues.values()] if self.midi is not None else []
+        midi = (
+            [*self.midi.notes.values(), *self.midi.controls.values(), *self.midi.cues.values()]
+            if self.midi is not None
+            else []
+        )
         return [*self.osc.commands.values(), *midi]
 
 
@@ -81,8 +87,10 @@ def read_stage(path: Path) -> StageMap:
         for name, text in table.items():
             try:
                 pattern = found[key(name)] = CommandPattern(text)
-                if not pattern.complete and key is not _address:
-                    raise ValueError(f"'{shortened(text)}': only OSC messages have arguments")
+                if not pattern.complete and key not in (_address, _control):
+                    raise ValueError(f"'{shortened(text)}': only OSC messages and controls have arguments")
+                for value in (0, 50, 127) if key is _control else ():
+                    pattern.command(control_values(value))
             except (CommandError, ValueError) as error:
                 problems.append(f"'{shortened(name)}' in [{place}]: {error}")
         return found
@@ -106,6 +114,7 @@ def read_stage(path: Path) -> StageMap:
             raw.midi.channel - 1 if raw.midi.channel is not None else None,
             raw.midi.clock,
             patterns("midi.notes", raw.midi.notes, _note),
+            patterns("midi.controls", raw.midi.controls, _control),
             patterns("midi.timecode", raw.midi.timecode, Timecode.parse),
         )
     if midi is None and raw.osc == _Osc():
@@ -119,6 +128,17 @@ def _address(name: str) -> str:
     if not name.startswith("/"):
         raise ValueError("an OSC address begins with /")
     return name
+
+
+def control_values(value: int) -> tuple[float, float]:
+    """What a controller's value, 0 to 127, is from 0 to 1, and from -1 to 1 with the middle at 64."""
+    return value / 127.0, max(-1.0, (value - 64) / 63.0)
+
+
+def _control(name: str) -> int:
+    if not (name.isdecimal() and int(name) < 120):
+        raise ValueError("a controller is a number from 0 to 119 (1 is the modulation wheel)")
+    return int(name)
 
 
 def _note(name: str) -> int:

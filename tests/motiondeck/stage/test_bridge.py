@@ -12,6 +12,8 @@ import pytest
 
 import synthetic
 from controller.deck.deck import Deck
+from controller.deck.interfaces import JointLimits
+from controller.deck.layers import Layers
 from controller.deck.locks.phase_lock import wrapped
 from controller.loop.commands.command_handler import CommandHandler
 from controller.loop.commands.commanded_run import CommandedRun
@@ -35,6 +37,9 @@ osc_message_builder = pytest.importorskip("pythonosc.osc_message_builder")
 
 DT = 0.01
 COMMANDS = {"/motion": "switch $1", "/march": "switch march", "/tempo": "tempo $1", "/beat": "beat", "/estop": "estop"}
+COMMANDS |= {"/input/jaw": "input jaw $1", "/gaze": "gaze $1 $2"}
+JOINTS = ("pan", "jaw")
+CONTROLS = {1: "input jaw $1 60", 2: "input pan $2", 64: "switch wave"}
 
 
 def patterns(table):
@@ -47,12 +52,19 @@ def free_port():
         return probe.getsockname()[1]
 
 
+def twin():
+    """Stands in for the retargeter of a robot with two joints, which rest."""
+    return lambda pose: np.zeros(len(JOINTS))
+
+
 class Stage:
     """A deck in virtual time, a bridge to it, and real clients of that bridge."""
 
     def __init__(self, cleanup, folder, clock=True, notes=(), cues=(), send_to=None):
         library = synthetic.small_phase_library()
-        self.deck = Deck(library, lambda pose: pose.rotation.ravel(), "march", phase=0.3)
+        self.deck = Deck(library, twin(), "march", phase=0.3)
+        limits = JointLimits(*np.array([[-1.0, 0.5, 10.0, 400.0, 2e4]] * len(JOINTS)).T)
+        self.deck.layers = Layers(library, JOINTS, limits, {}, twin, gaze={"pan": (0.5, 0.0)})
         self.stop, self.told, self.replies = StopRequest(), [], []
         server = cleanup.enter_context(closing(CommandServer(0)))
         self.desk = CommandHandler(CommandedRun(self.deck), [server])
@@ -61,7 +73,7 @@ class Stage:
         self.osc = cleanup.enter_context(udp_client.SimpleUDPClient("127.0.0.1", port))
         device = folder / "midi"
         os.mkfifo(device)
-        mapped = MidiMap(str(device), 9, clock, patterns(dict(notes)), patterns(dict(cues)))
+        mapped = MidiMap(str(device), 9, clock, patterns(dict(notes)), patterns(CONTROLS), patterns(dict(cues)))
         midi_input = cleanup.enter_context(closing(MidiInput(open_midi_port(mapped.input), mapped)))
         self.midi = os.open(device, os.O_WRONLY)
         output = cleanup.enter_context(closing(OscOutput(*send_to))) if send_to else None
@@ -69,7 +81,7 @@ class Stage:
         self.bridge = Bridge(
             client, [self.osc_input, midi_input], output, self.answered, self.told.append, lambda: self.deck.time
         )
-        self.phases = []
+        self.phases, self.targets = [], []
 
     def answered(self, source, command, reply):
         self.replies.append((source, command, reply))
@@ -81,7 +93,7 @@ class Stage:
     def tick(self):
         running = self.bridge.step(0.0)
         self.desk(self.stop)
-        self.deck.update(DT)
+        self.targets.append(self.deck.update(DT)[0].copy())
         self.phases.append((self.deck.time, self.deck.phase))
         return running
 
@@ -147,6 +159,50 @@ def test_a_note_switches_and_the_clock_of_midi_locks_the_phase(stage):
     assert sum(isinstance(command, GiveBeat) for _, command, _ in show.replies) == len(beats)
     assert np.abs(show.misses(beats[8:], 0.0, round(1.0 / show.deck.phase_rate / 0.5))).max() < 0.02
     assert show.deck.lock_state.state == "locked"
+
+
+def test_a_jaw_follows_messages_and_falls_back_when_their_sender_is_silent(stage):
+    show = stage()
+    generator = np.random.default_rng(2)
+    sent = [0.1 + 0.02 * n for n in range(50) if generator.random() > 0.2]  # 50 a second, a fifth of them lost
+    wide = [0.5 + 0.4 * np.sin(6.0 * at) for at in sent]
+    # As OSC 1.0 writes one float, by hand: texts and zeros to a multiple of four bytes.
+    data = [b"/input/jaw\0\0,f\0\0" + struct.pack(">f", value) for value in wide]
+    send = show.osc._sock.sendto
+    to = "127.0.0.1", show.osc._port
+    show.run(4.0, [(at, lambda one=one: send(one, to)) for at, one in zip(sent, data, strict=True)])
+    jaw, pan = np.array(show.targets)[:, 1], np.array(show.targets)[:, 0]
+    times = DT * (1.0 + np.arange(len(jaw)))
+    judged = (times > 0.4) & (times < 1.1)
+    late = 0.5 * (0.5 + 0.4 * np.sin(6.0 * (times - 0.04)))  # half a rad is all that it opens
+    assert jaw[judged] == pytest.approx(late[judged], abs=0.04)
+    assert jaw[times > 3.0] == pytest.approx(0.0, abs=0.0)
+    assert not pan.any()
+    assert show.deck.layered == {}
+    assert {type(reply) for _, _, reply in show.replies} == {Accepted}
+    show.osc.send_message("/gaze", [1.0, 0.0])
+    show.run(0.4)
+    assert show.targets[-1] == pytest.approx([np.pi / 8, 0.0], abs=1e-4)
+    show.osc.send_message("/input/jaw", 1.5)
+    show.run(0.05)
+    assert "jaw goes from -1" in show.replies[-1][2].reason
+
+
+def test_a_controller_moves_a_joint_and_a_pedal_is_a_button(stage):
+    show = stage()
+    show.play("control_change", control=1, value=127, channel=9)
+    show.play("control_change", control=2, value=0, channel=9)
+    show.play("control_change", control=64, value=0, channel=9)  # released
+    show.play("control_change", control=1, value=0, channel=3)  # another channel
+    show.play("control_change", control=3, value=0, channel=9)
+    show.run(0.4)
+    assert show.targets[-1] == pytest.approx([-1.0, 0.5], abs=1e-3)
+    assert show.deck.motion == "march"
+    show.run(3.0)
+    assert show.targets[-1] == pytest.approx([0.0, 0.5], abs=1e-3)  # one falls back, the other holds for a minute
+    show.play("control_change", control=64, value=127, channel=9)
+    show.run(0.1)
+    assert show.deck.motion == "wave"
 
 
 def quarter_frames(frame, rate=25, kind=1):
@@ -365,7 +421,7 @@ def test_a_port_of_a_midi_system_rings_from_its_thread(monkeypatch):
         return mido.ports.BaseInput(name)
 
     monkeypatch.setattr(mido, "open_input", open_input)
-    with closing(MidiInput(open_midi_port("Desk"), MidiMap("Desk", None, True, {}, {}))) as midi:
+    with closing(MidiInput(open_midi_port("Desk"), MidiMap("Desk", None, True, {}, {}, {}))) as midi:
         thread = threading.Thread(target=opened["Desk"], args=(mido.Message("clock"),))
         before = time.monotonic()
         thread.start()

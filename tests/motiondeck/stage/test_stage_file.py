@@ -1,7 +1,7 @@
 import pytest
 
 from controller.wire.messages.arguments import CommandError
-from controller.wire.messages.commands import Blend, LockPhase, SetTempo, Switch
+from controller.wire.messages.commands import Blend, LockPhase, SetInput, SetTempo, Switch
 from motiondeck.stage.command_pattern import CommandPattern
 from motiondeck.stage.stage_file import read_stage
 from motiondeck.stage.timecode import Timecode
@@ -29,6 +29,7 @@ def test_a_file_maps_addresses_notes_and_times(tmp_path):
             tmp_path,
             '[osc]\nlisten = 9000\nsend_to = "desk:9001"\n[osc.commands]\n"/a" = "tempo $1"\n'
             '[midi]\ninput = "Desk"\nchannel = 10\nclock = true\n[midi.notes]\n36 = "walk"\n'
+            '[midi.controls]\n1 = "input jaw $1 60"\n'
             '[midi.timecode]\n"01:02:03:04" = "blend walk jog 0.5"\n',
         )
     )
@@ -36,6 +37,7 @@ def test_a_file_maps_addresses_notes_and_times(tmp_path):
     assert stage.osc.commands["/a"].command([0.5]) == SetTempo(0.5)
     assert (stage.midi.input, stage.midi.channel, stage.midi.clock) == ("Desk", 9, True)
     assert stage.midi.notes[36].command() == Switch("walk")
+    assert stage.midi.controls[1].command([0.5]) == SetInput("jaw", 0.5, 60.0)
     assert stage.midi.cues[Timecode(1, 2, 3, 4)].command() == Blend("walk", "jog", 0.5)
     assert [motion for pattern in stage.patterns for motion in pattern.motions] == ["walk", "walk", "jog"]
 
@@ -55,7 +57,11 @@ def test_a_file_maps_addresses_notes_and_times(tmp_path):
         ('[osc]\nlisten = 9\n[osc.commands]\n"/a" = "$1"', "does not begin with a command"),
         ('[osc]\nlisten = 9\n[osc.commands]\n"/a" = "tempo $1 $2 $3"', "give it as: tempo TEMPO [SECONDS]"),
         ('[midi]\ninput = "a"\n[midi.notes]\nC3 = "stop"', "a note is a number from 0 to 127"),
-        ('[midi]\ninput = "a"\n[midi.notes]\n36 = "tempo $1"', "only OSC messages have arguments"),
+        ('[midi]\ninput = "a"\n[midi.notes]\n36 = "tempo $1"', "only OSC messages and controls have arguments"),
+        ('[midi]\ninput = "a"\n[midi.controls]\n120 = "tempo $1"', "a controller is a number from 0 to 119"),
+        ('[midi]\ninput = "a"\n[midi.controls]\n1 = "jump $2"', "jump: PHASE must be a number from 0 to 1, not -1"),
+        ('[midi]\ninput = "a"\n[midi.controls]\n1 = "lock beat 0 $1"', "STEPS must be a whole number"),
+        ('[midi]\ninput = "a"\n[midi.controls]\n1 = "tempo $3"', "argument 3 is missing"),
         ('[midi]\ninput = "a"\n[midi.timecode]\n"1:2:3" = "stop"', "'1:2:3' in [midi.timecode]: a time of a timecode"),
         ('[midi]\ninput = "a"\n[midi.timecode]\n"00:61:00:00" = "stop"', "a time of a timecode is HH:MM:SS:FF"),
         ('[midi]\ninput = "a"\nchannels = 3', "unknown key 'channels' in [midi]. Did you mean 'channel'?"),
