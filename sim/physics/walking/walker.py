@@ -213,6 +213,7 @@ class Walker:
         # Around half a turn, one foot may be just before and the other just after it.
         turn = float(turns[0] + standing @ wrapped(turns - turns[0]))
         turning, omega = _turning(turn), self._omega
+        gait.slipped = turn
         centre = standing @ gait.places + turning @ (data.subtree_com[self._root] - standing @ soles)[:2]
         capture = centre + turning @ data.subtree_linvel[self._root, :2] / omega
         # From the measurement until the next target arrives.

@@ -126,6 +126,20 @@ def test_who_turns_on_feet_that_stand_turns_only_as_far_as_hips_do():
     assert 1.5 + gait.turn(2.01, 1.5) == pytest.approx(0.1)
 
 
+@pytest.mark.parametrize("slipped", [-0.5, 0.5])
+def test_steps_turn_back_a_robot_whose_feet_have_slipped(slipped):
+    gait, landed = new_gait(), [0.0]
+    for now, ended in go_after(gait, walking_soles(9.0, DT, step=0.5), DT, PREVIEW):
+        if now > 3.0:
+            gait.slipped = slipped
+        if ended is not None:
+            landed.append(gait.yaws[ended.foot])
+    # Against the slip, by little with each step, and no farther.
+    assert np.max(np.abs(np.diff(landed))) < 0.15
+    assert landed[-1] == pytest.approx(slipped, abs=0.02)
+    assert np.max(np.abs(landed)) < 0.52
+
+
 def test_the_centre_of_pressure_never_jumps():
     gait, before = new_gait(), None
     for now, _ in go_after(gait, walking_soles(6.0, DT, step=0.5), DT, PREVIEW):

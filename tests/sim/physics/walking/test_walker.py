@@ -52,6 +52,20 @@ def test_servo20_walks_and_a_push_does_not_fell_it():
 
 
 @pytest.mark.thorough
+def test_a_robot_whose_feet_slip_keeps_the_heading_of_the_motion():
+    # The mannequin's standing foot turns at each step: in 25 s by 40 degrees.
+    library = shipped()
+    robot = load_robot(ROBOTS / "mannequin.toml", library.skeleton)
+    deck, stage, off = Deck(library, robot.retarget, "walk"), PhysicsPlayback(robot, DT, "free", walk=True), []
+    for _ in range(round(25.0 / DT)):
+        targets, pose = deck.update(DT)
+        stage.write(np.clip(targets, robot.limits.lower, robot.limits.upper), pose)
+        off.append(to_rotation_vector(multiply(stage.qpos[3:7], conjugate(stage.wanted[3:7])))[2])
+    assert stage.fell_s is None
+    assert abs(np.degrees(np.mean(off[-500:]))) < 10.0
+
+
+@pytest.mark.thorough
 def test_who_stops_walking_after_two_steps_and_boxes_keeps_on_its_feet():
     assert walk("servo20", "walk", 4.2, at=1.0, then="box1").fell_s is None
 
