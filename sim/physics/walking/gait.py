@@ -16,7 +16,7 @@ SHORTEST, UNKNOWN = 0.2, 0.3  # least duration of a step, and of a swing whose e
 FROZEN = 0.15  # last share of a swing in which its goal is fixed
 # Largest turn of the robot in a step, of a landing foot from the heading, and of a standing foot from it, rad.
 TURN, FOOT_TURN, TWIST = 0.6, 0.5, 0.6
-# Share of an error of the heading that a step makes up for, and the largest such turn, rad.
+# Share of an error of the heading that a step makes up for, and the largest such turn, rad: feet slip as they stand.
 STEERS, STEERING = 0.5, 0.1
 APART = 0.9  # largest width of a step beyond the least one, in widths, as far as the foot lands flat
 # Largest lengthening of a step by a capture step, heights of the root, and bounds of its width, in widths.
@@ -52,7 +52,7 @@ class Gait:
         self._landed: tuple[float, Array] | None = None
         self._count = self.recoveries = 0  # recoveries: steps that are not the motion's
         self._heading, self._astray = facing, 0.0
-        self.slipped = 0.0  # turn of the standing feet against the plan to the right, rad
+        self.slipped = 0.0  # turn of the standing feet to the right of the plan, rad
         self._own: list[Swing] = []
         self.rolling = Rolling(self._set.toe, self._set.heel, self._set.longest * self._height)  # pitches of the soles
 
