@@ -28,7 +28,7 @@ def played(library, robot, ticks=300, layers=()):
     deck, state, found = Deck(library, robot.retarget, "jog"), robot.model.qpos0.copy(), []
     if layers:
         groups = joint_groups(robot, read_robot_file(find_robot("servo20")), library.skeleton)
-        deck.layers = Layers(library, robot.joints, groups, robot.twin)
+        deck.layers = Layers(library, robot.joints, robot.limits, groups, robot.twin)
     for tick in range(ticks):
         for at, *layer in layers:
             if at == tick:
