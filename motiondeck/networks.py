@@ -20,6 +20,7 @@ from controller.learning.trainers.echo_state import EchoStateRecipe
 from controller.learning.trainers.phase_conceptor import PhaseRecipe
 from controller.learning.trainers.phase_echo_state import PhaseEchoStateRecipe
 from controller.learning.trainers.random_feature import RandomFeatureRecipe
+from controller.learning.trainers.shared_conceptor import SharedConceptorRecipe
 from controller.learning.trainers.trainer import nrmse
 from controller.networks.base import AnyNetwork, FrameNetwork, Generator, Morph
 from controller.networks.centralized.centers import (
@@ -68,6 +69,7 @@ from controller.networks.reservoirs.conceptor_algebra import (
 from controller.networks.reservoirs.loaded_signals import LoadedSignals
 from controller.networks.reservoirs.reservoir import Reservoir, drive, random_reservoir
 from controller.networks.ridge import ridge
+from controller.networks.shared_conceptor.network import SharedConceptorNetwork
 from motiondeck_base.errors import MotiondeckError
 
 
@@ -124,6 +126,8 @@ __all__ = [
     "SatelliteError",
     "SatelliteNetwork",
     "Satellites",
+    "SharedConceptorNetwork",
+    "SharedConceptorRecipe",
     "Spring",
     "SwitchingModule",
     "SwitchingModuleError",

@@ -14,6 +14,7 @@ from controller.learning.trainers.echo_state import EchoStateRecipe
 from controller.learning.trainers.phase_conceptor import PhaseRecipe
 from controller.learning.trainers.phase_echo_state import PhaseEchoStateRecipe
 from controller.learning.trainers.random_feature import RandomFeatureRecipe
+from controller.learning.trainers.shared_conceptor import SharedConceptorRecipe
 from controller.learning.trainers.trainer import Lessons, trainer_of
 from controller.learning.training_set import TrainingSet
 from controller.library.motion_library import VERSION, LibraryInfo, MotionInfo, MotionLibrary
@@ -154,6 +155,12 @@ def small_phase_echo_state(seed=0, **recipe):
 
 
 @learned_once
+def small_shared_conceptor(**recipe):
+    """The same motions in conceptors that share their weights."""
+    return trained(SharedConceptorRecipe(**({"neurons": 300, "rank": 30, "piece_seconds": 5.0} | recipe)))
+
+
+@learned_once
 def small_echo_state(**changes):
     return trained(EchoStateRecipe(neurons=150, washout=60, drives=1, **changes))
 
@@ -175,6 +182,8 @@ NETWORKS = {
     "random-feature": small_random_feature,
     "phase-conceptor": lambda: small_phase_network(piece_seconds=0.5),
     "phase-echo-state": lambda: small_phase_echo_state(piece_seconds=0.5),
+    "shared-conceptor": lambda: small_shared_conceptor(readout="shared"),
+    "shared-conceptor in pieces": lambda: small_shared_conceptor(piece_seconds=0.5),
     "centralized": small_centralized,
 }
 """Small networks of every kind, made when called; the phase-driven ones play `bow` and `wave` in pieces."""

@@ -44,6 +44,7 @@ from controller.learning.reservoirs.conceptor_training import ConceptorRecipe
 from controller.learning.trainers.echo_state import EchoStateRecipe
 from controller.learning.trainers.phase_conceptor import PhaseRecipe
 from controller.learning.trainers.phase_echo_state import PhaseEchoStateRecipe
+from controller.learning.trainers.shared_conceptor import SharedConceptorRecipe
 from controller.learning.trainers.trainer import Lessons, trainer_of
 from controller.learning.training_set import TrainingSet, prepare, to_learn
 from controller.motion.encodings.encoding import encoding_of
@@ -61,6 +62,7 @@ PHASE = PhaseRecipe()
 NETWORKS: dict[str, NetworkRecipe] = {
     "phase-driven conceptors": PHASE,
     "phase-driven echo state": PhaseEchoStateRecipe(),
+    "conceptors that share weights": SharedConceptorRecipe(),
     "conceptors": ConceptorRecipe(),
     "echo state": EchoStateRecipe(),
 }

@@ -9,7 +9,8 @@ The reservoir is driven with the channels and the phase of a motion. A piece the
 both by ridge regression on z = U' (x - m).
 """
 
-from dataclasses import fields
+from collections.abc import Iterator
+from dataclasses import dataclass, fields
 
 import msgspec
 import numpy as np
@@ -17,17 +18,21 @@ import numpy as np
 from controller.learning.preparation.training_motion import TrainingMotion
 from controller.learning.reservoirs.conceptor_training import principal_directions
 from controller.learning.trainers.phase_driven import (
+    MotionByMotionTrainer,
     PhaseDrivenRecipe,
-    PhaseDrivenTrainer,
     affine_ridge,
     course_of,
     with_readouts,
 )
 from controller.motion.encodings.normalisation import Normalisation
 from controller.motion.rotations import Array, Indices
-from controller.networks.driving_input import DrivingInput
-from controller.networks.phase_conceptor.network import PhaseConceptorMotion, PhaseConceptorNetwork, StoredPieces
-from controller.networks.reservoirs.phase_reservoir import PhaseCourse, PhaseReservoir, PhaseScales
+from controller.networks.phase_conceptor.network import (
+    Float16,
+    PhaseConceptorMotion,
+    PhaseConceptorNetwork,
+    StoredPieces,
+)
+from controller.networks.reservoirs.phase_reservoir import Float32, PhaseCourse, PhaseReservoir, PhaseScales
 from controller.networks.reservoirs.reservoir import Reservoir, drive
 
 # Overlap of pieces on either side of a seam, and washout of the reservoir, s.
@@ -53,44 +58,37 @@ class PhaseRecipe(PhaseDrivenRecipe, frozen=True, kw_only=True, tag="phase-conce
         return msgspec.structs.replace(super().scales(driven=driven), input_scale=share * self.input_scale)
 
 
-def _learn_pieces(
-    motion: TrainingMotion,
-    course: PhaseCourse,
-    reservoir: PhaseReservoir,
-    recipe: PhaseRecipe,
-    washout: int,
-    overlap: int,
-) -> StoredPieces:
+@dataclass(frozen=True)
+class PieceLesson:
+    """What one piece of a motion is learned from, T frames with its overlap."""
+
+    before: Array  # states of the driven reservoir before each frame, shape (T, N)
+    states: Array  # and after it
+    inputs: Array  # the frames, normalised, shape (T, C)
+
+
+def piece_lessons(
+    motion: TrainingMotion, course: PhaseCourse, reservoir: PhaseReservoir, rate: float
+) -> Iterator[PieceLesson]:
+    """The lessons of the pieces of a motion; a loop with an input has one piece, of all recorded values together."""
+    washout, overlap = round(WASHOUT_SECONDS * rate), round(OVERLAP_SECONDS * rate)
+    if motion.driving is not None:
+        before, after = [], []
+        for variant in motion.variants:
+            one = TrainingMotion(motion.name, variant.frames, loop=True)
+            states, first = _driven_states(one, course, reservoir, washout, 0, motion.driving.level(variant.value))
+            before.append(states[first - 1 : -1])
+            after.append(states[first:])
+        frames = np.concatenate([variant.frames for variant in motion.variants])
+        yield PieceLesson(np.concatenate(before), np.concatenate(after), frames)
+        return
     many = int(course.piece[-1]) + 1
     overlap = 0 if motion.loop and many == 1 else overlap
     states, first = _driven_states(motion, course, reservoir, washout, overlap)
-    pieces: list[StoredPieces] = []
     for piece in range(many):
         at = _window(course, piece, overlap)
         inputs = motion.frames[at % len(course.phase) if motion.loop else np.maximum(at, 0)]
-        pieces.append(_learn_piece(states[first + at - 1], states[first + at], inputs, recipe))
-    return StoredPieces(
-        *(np.concatenate([getattr(piece, field.name) for piece in pieces]) for field in fields(StoredPieces))
-    )
-
-
-def _learn_driven(
-    motion: TrainingMotion,
-    driving: DrivingInput,
-    course: PhaseCourse,
-    reservoir: PhaseReservoir,
-    recipe: PhaseRecipe,
-    washout: int,
-) -> StoredPieces:
-    """A loop with an input: one conceptor and V for all recorded values."""
-    before, after = [], []
-    for variant in motion.variants:
-        one = TrainingMotion(motion.name, variant.frames, loop=True)
-        states, first = _driven_states(one, course, reservoir, washout, 0, driving.level(variant.value))
-        before.append(states[first - 1 : -1])
-        after.append(states[first:])
-    frames = np.concatenate([variant.frames for variant in motion.variants])
-    return _learn_piece(np.concatenate(before), np.concatenate(after), frames, recipe)
+        yield PieceLesson(states[first + at - 1], states[first + at], inputs)
 
 
 def _driven_states(
@@ -120,21 +118,26 @@ def _window(course: PhaseCourse, piece: int, overlap: int) -> Indices:
     return np.arange(own[0] - overlap, 1 + (last if course.loop else min(last, len(course.phase) - 1)))
 
 
-def _learn_piece(before: Array, states: Array, inputs: Array, recipe: PhaseRecipe) -> StoredPieces:
-    """A piece, without its readout, from the states (T, N) before and after its inputs (T, C)."""
-    # The regressions use mean and directions as they are stored.
+def conceptor_of(states: Array, rank: int, aperture: float) -> tuple[Float16, Float32, Float16]:
+    """The directions U (N, k), the strengths S (k,) and the mean m (N,) of states (T, N), as they are stored."""
     mean = states.mean(0).astype(np.float16)
-    values, directions = principal_directions(states - mean, recipe.rank)
-    kept = np.zeros((len(mean), recipe.rank), dtype=np.float16)
+    values, directions = principal_directions(states - mean, rank)
+    kept = np.zeros((len(mean), rank), dtype=np.float16)
     kept[:, : len(values)] = directions
-    strength = np.zeros(recipe.rank, dtype=np.float32)
-    strength[: len(values)] = values / (values + recipe.aperture**-2)
-    estimate = affine_ridge((before - mean) @ kept.astype(np.float64), inputs, recipe.ridge)
+    strength = np.zeros(rank, dtype=np.float32)
+    strength[: len(values)] = values / (values + aperture**-2)
+    return kept, strength, mean
+
+
+def _learn_piece(lesson: PieceLesson, recipe: PhaseRecipe) -> StoredPieces:
+    """A piece, without its readout; the regressions use mean and directions as they are stored."""
+    kept, strength, mean = conceptor_of(lesson.states, recipe.rank, recipe.aperture)
+    estimate = affine_ridge((lesson.before - mean) @ kept.astype(np.float64), lesson.inputs, recipe.ridge)
     unread = np.zeros_like(estimate)
     return StoredPieces(kept[None], strength[None], mean[None], estimate.astype(np.float16)[None], unread[None])
 
 
-class PhaseConceptorTrainer(PhaseDrivenTrainer[PhaseRecipe]):
+class PhaseConceptorTrainer(MotionByMotionTrainer[PhaseRecipe]):
     """Trains phase-driven conceptors."""
 
     recipe = PhaseRecipe
@@ -155,11 +158,11 @@ class PhaseConceptorTrainer(PhaseDrivenTrainer[PhaseRecipe]):
         normalisation: Normalisation,
         rate: float,
     ) -> PhaseConceptorMotion:
-        course, washout = course_of(motion, recipe.piece_seconds * rate), round(WASHOUT_SECONDS * rate)
-        if motion.driving is not None:
-            stored = _learn_driven(motion, motion.driving, course, reservoir, recipe, washout)
-        else:
-            stored = _learn_pieces(motion, course, reservoir, recipe, washout, round(OVERLAP_SECONDS * rate))
+        course = course_of(motion, recipe.piece_seconds * rate)
+        pieces = [_learn_piece(lesson, recipe) for lesson in piece_lessons(motion, course, reservoir, rate)]
+        stored = StoredPieces(
+            *(np.concatenate([getattr(piece, field.name) for piece in pieces]) for field in fields(StoredPieces))
+        )
         unread = PhaseConceptorMotion(stored, course, reservoir, motion.driving)
         return with_readouts(unread, motion, normalisation, recipe.ridge)
 

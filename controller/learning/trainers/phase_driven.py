@@ -88,8 +88,11 @@ def _frames_held(frames: Array) -> int:
     return len(frames) - 1 - (int(moving[-1]) + 1) if len(moving) else len(frames) - 2
 
 
-def with_readouts(unread: Motion, motion: TrainingMotion, normalisation: Normalisation, regulariser: float) -> Motion:
-    """The motion `unread` with readouts from its settled states, at each value of its input."""
+def settled_lesson(unread: PhaseMotion, motion: TrainingMotion) -> tuple[Float32, Array, Indices]:
+    """The states in which a motion settles at each value of its input, (T, k), their frames and pieces.
+
+    The frames, (T, C), are normalised.
+    """
     states, frames, piece = unread.states, motion.frames, unread.course.piece
     if (driving := motion.driving) is not None:
         states = np.concatenate([unread.settled_at(driving.level(variant.value)) for variant in motion.variants])
@@ -101,8 +104,14 @@ def with_readouts(unread: Motion, motion: TrainingMotion, normalisation: Normali
         states = np.concatenate([states, later])
         frames = np.concatenate([frames, np.repeat(frames[-1:], len(later), axis=0)])
         piece = np.concatenate([piece, np.repeat(piece[-1:], len(later))])
+    return states, frames, piece
+
+
+def with_readouts(unread: Motion, motion: TrainingMotion, normalisation: Normalisation, regulariser: float) -> Motion:
+    """The motion `unread` with readouts from its settled states."""
+    states, frames, piece = settled_lesson(unread, motion)
     readout = learn_readouts(states, piece, normalisation.invert(frames), regulariser)
-    return type(unread)(replace(unread.stored, readout=readout), unread.course, unread.reservoir, driving)
+    return type(unread)(replace(unread.stored, readout=readout), unread.course, unread.reservoir, motion.driving)
 
 
 def learn_readouts(states: Float32, piece: Indices, frames: Array, regulariser: float) -> Float32:
@@ -131,24 +140,13 @@ Recipe = TypeVar("Recipe", bound=PhaseDrivenRecipe)
 
 
 class PhaseDrivenTrainer(Trainer[Recipe]):
-    """Learns the readouts of each motion from the settled states of the network."""
+    """Trains networks that a phase drives."""
 
     center_driven = takes_inputs = True
     least_range = 1.0
     plays: ClassVar[type[PhaseDrivenNetwork[Any]]]
     # Parameters of networks of rising size, whose stored size grows by about 1.4 from one to the next.
     sizes: ClassVar[tuple[dict[str, int], ...]]
-
-    @abstractmethod
-    def learn(
-        self,
-        recipe: Recipe,
-        motion: TrainingMotion,
-        reservoir: PhaseReservoir,
-        normalisation: Normalisation,
-        rate: float,
-    ) -> PhaseMotion:
-        """One motion in a reservoir; `rate` in Hz."""
 
     def sized(
         self, recipe: Recipe, lessons: Lessons, seed: int, judge: Judge, progress: Callable[[str], None]
@@ -167,6 +165,25 @@ class PhaseDrivenTrainer(Trainer[Recipe]):
                 break
         return sized
 
+    def readout_size(self, network: PhaseDrivenNetwork[Any], scaling: Array) -> float:
+        parts = [network[name].readout[:, :, :-1] for name in network.motions]
+        return float(np.mean([mabs(readout * scaling[:, None]) for readout in parts]))
+
+
+class MotionByMotionTrainer(PhaseDrivenTrainer[Recipe]):
+    """Learns each motion for itself, its readouts from the settled states of the network."""
+
+    @abstractmethod
+    def learn(
+        self,
+        recipe: Recipe,
+        motion: TrainingMotion,
+        reservoir: PhaseReservoir,
+        normalisation: Normalisation,
+        rate: float,
+    ) -> PhaseMotion:
+        """One motion in a reservoir; `rate` in Hz."""
+
     def train(self, recipe: Recipe, lessons: Lessons, seed: int) -> PhaseDrivenNetwork[Any]:
         to_learn, normalisation = lessons.motions, lessons.normalisation
         scales = recipe.scales(driven=any(one.driving is not None for one in to_learn))
@@ -178,7 +195,3 @@ class PhaseDrivenTrainer(Trainer[Recipe]):
         one = motion.scaled(network.normalisation)
         part = self.learn(recipe, one, network.reservoir, network.normalisation, motion.rate)
         return network.with_motions({motion.name: part})
-
-    def readout_size(self, network: PhaseDrivenNetwork[Any], scaling: Array) -> float:
-        parts = [network[name].readout[:, :, :-1] for name in network.motions]
-        return float(np.mean([mabs(readout * scaling[:, None]) for readout in parts]))

@@ -6,7 +6,7 @@ The channels are not fed back, so the states in playing are known before trainin
 import numpy as np
 
 from controller.learning.preparation.training_motion import TrainingMotion
-from controller.learning.trainers.phase_driven import PhaseDrivenRecipe, PhaseDrivenTrainer, course_of, with_readouts
+from controller.learning.trainers.phase_driven import MotionByMotionTrainer, PhaseDrivenRecipe, course_of, with_readouts
 from controller.motion.encodings.normalisation import Normalisation
 from controller.networks.phase_echo_state.network import PhaseEchoStateMotion, PhaseEchoStateNetwork, StoredReadouts
 from controller.networks.reservoirs.phase_reservoir import PhaseReservoir
@@ -21,7 +21,7 @@ class PhaseEchoStateRecipe(PhaseDrivenRecipe, frozen=True, kw_only=True, tag="ph
     drive_scale: float = 0.2  # with 1 a motion between two values overshoots by a fifth
 
 
-class PhaseEchoStateTrainer(PhaseDrivenTrainer[PhaseEchoStateRecipe]):
+class PhaseEchoStateTrainer(MotionByMotionTrainer[PhaseEchoStateRecipe]):
     """Trains phase-driven echo-state networks."""
 
     recipe = PhaseEchoStateRecipe

@@ -276,15 +276,19 @@ class PhaseDrivenNetwork(ReservoirNetwork[Motion]):
             raise stored.error("its header has no scales for the weights that its motions share")
         reservoir = PhaseReservoir.draw(scales, stored.channels, header.seed)
         sizes = {"c": stored.channels, "n": scales.neurons}
-        motions = {motion.name: cls.load_motion(stored, motion, sizes, reservoir) for motion in header.motions}
-        return cls(scales, header.seed, normalisation, motions)
+        return cls(scales, header.seed, normalisation, cls.load_motions(stored, sizes, reservoir))
+
+    @classmethod
+    def load_motions(cls, stored: StoredNetwork, sizes: dict[str, int], reservoir: PhaseReservoir) -> dict[str, Motion]:
+        """The motions of a file; `sizes` are those that all motions share."""
+        return {motion.name: cls.load_motion(stored, motion, sizes, reservoir) for motion in stored.header.motions}
 
     @classmethod
     @abstractmethod
     def load_motion(
         cls, stored: StoredNetwork, motion: MotionHeader, sizes: dict[str, int], reservoir: PhaseReservoir
     ) -> Motion:
-        """One motion of a file; `sizes` are those that all motions share."""
+        """One motion of a file."""
 
 
 def stored_course(stored: StoredNetwork, motion: MotionHeader, pieces: int) -> PhaseCourse:

@@ -90,7 +90,10 @@ def test_motions_are_carried_to_one_body(tmp_path, mocap_data):
     assert abs(heights["walk"] - heights["waltz"]) < 0.12
 
 
-@pytest.mark.parametrize("name", ["thesis15", "thesis15-conceptor", "thesis15-echo-state", "thesis15-phase-echo-state"])
+@pytest.mark.parametrize(
+    "name",
+    ["thesis15", *(f"thesis15-{kind}" for kind in ("conceptor", "echo-state", "phase-echo-state", "shared-conceptor"))],
+)
 def test_shipped_recipes_are_good(name):
     recipe = read_recipe(RECIPES / f"{name}.toml")
     assert len(recipe.motions) == 15

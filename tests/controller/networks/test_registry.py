@@ -12,7 +12,14 @@ from motiondeck_base.errors import UnknownNameError
 
 
 def test_each_kind_is_found_by_its_folder():
-    assert set(network_kinds()) >= {"conceptor", "echo-state", "random-feature", "phase-conceptor", "centralized"}
+    assert set(network_kinds()) >= {
+        "conceptor",
+        "echo-state",
+        "random-feature",
+        "phase-conceptor",
+        "shared-conceptor",
+        "centralized",
+    }
     for kind in network_kinds():
         assert network_kind(kind).kind == kind
 

@@ -1,4 +1,4 @@
-"""Both phase-driven networks: they play in phase, stop at an end, find back, and are sent to any phase."""
+"""All phase-driven networks: they play in phase, stop at an end, find back, and are sent to any phase."""
 
 import numpy as np
 import pytest
@@ -9,7 +9,11 @@ from controller.learning.trainers.phase_conceptor import PhaseRecipe
 from controller.networks.reservoirs.phase_reservoir import ANCHOR_EVERY
 from synthetic import run
 
-KINDS = {"conceptors": synthetic.small_phase_network, "echo state": synthetic.small_phase_echo_state}
+KINDS = {
+    "conceptors": synthetic.small_phase_network,
+    "echo state": synthetic.small_phase_echo_state,
+    "conceptors that share": synthetic.small_shared_conceptor,
+}
 NEAR = 0.02
 
 

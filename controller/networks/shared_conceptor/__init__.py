@@ -1,0 +1,1 @@
+"""A conceptor network whose motions share all weights."""
