@@ -144,7 +144,7 @@ class FramePlayer:
         if self._center is None:
             raise MotiondeckError(
                 "this library's network runs by itself: it has no phase to jump to or to lock, and cannot be played "
-                "backwards; `motiondeck learn` makes libraries whose networks have one"
+                'backwards. Learned from its recipe with type = "phase-conceptor" under [network], it has one'
             )
 
     def snapshot(self) -> Any:
