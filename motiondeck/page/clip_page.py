@@ -82,13 +82,17 @@ class Act:
 def show(act: Act, port: int, ends: Callable[[], bool] = lambda: False) -> None:
     """Shows a clip on a page of this machine until it is ended; PortError if the port is taken."""
     with served(port, act.title) as page:
-        stage = _Stage(page, act)
-        last = time.monotonic()
-        while not ends():
-            now = time.monotonic()
-            stage.show(min(now - last, 0.25))
-            last = now
-            time.sleep(max(0.0, now + 1.0 / PICTURES_PER_SECOND - time.monotonic()))
+        draw(_Stage(page, act).show, ends)
+
+
+def draw(picture: Callable[[float], None], ends: Callable[[], bool] = lambda: False) -> None:
+    """Draws pictures until they are ended; each is called with the seconds that have passed."""
+    last = time.monotonic()
+    while not ends():
+        now = time.monotonic()
+        picture(min(now - last, 0.25))
+        last = now
+        time.sleep(max(0.0, now + 1.0 / PICTURES_PER_SECOND - time.monotonic()))
 
 
 def _decided(act: Act) -> str:

@@ -114,13 +114,11 @@ def _write_keys(rig: str, out: Path, port: list[str] | None, plays: Plays | None
     from controller.motion.encodings.joint_angles import JointBody
     from hardware.errors import RigError
     from hardware.tools.teaching import watch_hands
-    from motiondeck.cli.common.options import PAGE_PORT
     from motiondeck.page.keys.draft import Draft
     from motiondeck.page.keys.keys_page import show_keys
     from motiondeck.page.keys.rehearsal import Rehearsal
     from motiondeck.run.beside.child_process import free_port
     from motiondeck.run.robots.rig_on_deck import robot_of
-    from motiondeck_base.files import check_folder
     from motiondeck_base.shipped import find_rig
 
     check_folder(out)
@@ -135,10 +133,7 @@ def _write_keys(rig: str, out: Path, port: list[str] | None, plays: Plays | None
             raise RigError(f"{', '.join(silent)} does not answer. Check the cable and the power.")
         return {name: math.degrees(angle) for name, angle in zip(config.names, angles, strict=True)}
 
-    try:
-        page = free_port(PAGE_PORT)
-    except MotiondeckError:
-        page = free_port(0)
+    page = free_port(0)
     print(f"page: http://127.0.0.1:{page}", flush=True)
     with ended_by_sigterm(), contextlib.suppress(KeyboardInterrupt):
         show_keys(draft, robot, read_rig, Rehearsal(out, str(file)), page)

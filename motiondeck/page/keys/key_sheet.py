@@ -8,7 +8,6 @@ from dataclasses import dataclass, field, replace
 
 from controller.motion.clip import Clip, Plays
 from controller.motion.formats.keyframes import Easing, Key, Keyframes, drawn_up
-from motiondeck_base.errors import FileFormatError
 
 Way = tuple[float, Easing]
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
@@ -84,10 +83,7 @@ class KeySheet:
 
     def clip(self, name: str) -> Clip:
         """The motion; FileFormatError if the keys contradict each other, or there is none."""
-        try:
-            return drawn_up(self.written, name)
-        except FileFormatError as error:
-            raise FileFormatError(str(error).removeprefix(f"{name}: ")) from None
+        return drawn_up(self.written, name)
 
 
 def _named(joint: str) -> str:

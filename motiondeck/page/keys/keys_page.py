@@ -1,11 +1,10 @@
 """The page on which keyframes are written: sliders pose joints, a strip has the keys, the rig's figure plays them."""
 
-import contextlib
-import io
 import math
 import threading
 import time
 from collections.abc import Callable, Mapping
+from functools import partial
 from html import escape
 from typing import Any, get_args
 
@@ -13,15 +12,14 @@ import numpy as np
 import viser
 
 from controller.motion.formats.keyframes import Easing
-from motiondeck.page.clip_page import PICTURES_PER_SECOND, Playhead
+from motiondeck.page.clip_page import Playhead, draw
 from motiondeck.page.figures import BAD
 from motiondeck.page.keys.draft import Draft
-from motiondeck.page.keys.key_sheet import KeySheet
 from motiondeck.page.keys.rehearsal import Rehearsal
 from motiondeck.page.scene import Scene
 from motiondeck.page.web.page_style import CURRENT, STOPS
 from motiondeck.page.web.parts import PageParts, ask
-from motiondeck.page.web.private_page import PrivatePage
+from motiondeck.page.web.private_page import PrivatePage, served
 from motiondeck_base.counted import counted
 from motiondeck_base.errors import MotiondeckError
 from sim.robots.robot import Robot
@@ -30,31 +28,20 @@ ReadRig = Callable[[], Mapping[str, float]]
 """Where the joints of the rig stand, deg; MotiondeckError if they cannot be read."""
 
 STEP, SNAP = 0.5, 0.05  # deg, of a slider; s, of a pause
-PANEL_WIDTH = 332  # pixels
 HAND_ON = 0.5  # s for which a hand keeps what it has set
 SHOWN_EVERY = 0.12  # s: sliders and hand while it plays
-CURVE_POINTS = 160
-CURRENT_TEXT = "#1c7ed6"
+CURVE_POINTS, PANEL_WIDTH = 160, 332  # pixels
 POSED = "This pose is no key yet: choose its time and set it, or press Play to leave it."
 REAL = "The servos move. Keep clear of the rig, and know how to cut its power."
 
 
 def show_keys(draft: Draft, robot: Robot, read_rig: ReadRig, rehearsal: Rehearsal, port: int) -> None:
     """Shows the page until the program is ended; PortError if the port is taken."""
-    # viser announces itself on standard output, which is kept for results.
-    with contextlib.redirect_stdout(io.StringIO()):
-        page = PrivatePage(port, label=f"Motiondeck · {draft.file.name}")
-    try:
-        desk = KeysPage(page, draft, robot, read_rig, rehearsal)
-        last = time.monotonic()
-        while True:
-            now = time.monotonic()
-            desk.show(min(now - last, 0.25))
-            last = now
-            time.sleep(max(0.0, now + 1.0 / PICTURES_PER_SECOND - time.monotonic()))
-    finally:
-        rehearsal.stop()
-        page.stop()
+    with served(port, f"Motiondeck · {draft.file.name}") as page:
+        try:
+            draw(KeysPage(page, draft, robot, read_rig, rehearsal).show)
+        finally:
+            rehearsal.end()
 
 
 class KeysPage:
@@ -66,11 +53,9 @@ class KeysPage:
         self._head = Playhead(len(draft.course), draft.rate, playing=False)
         self._posed: dict[str, float] = {}  # joints that hands have posed since the last key, deg
         self._copied = dict(draft.rest)
-        self._said, self._bad, self._shown = "", False, 0.0
-        self._touched, self._put = (
-            dict[int, float](),
-            dict[int, float | str](),
-        )  # by input: when by a hand; the last value
+        self._said, self._shown = ("", ""), 0.0  # what is said, and its colour
+        # By input: when a hand was on it, and what it was brought to last.
+        self._touched, self._brought = dict[int, float](), dict[int, float | str]()
         self._lock = threading.RLock()
         self._scene, self._qpos = Scene(page, robot.model), robot.model.qpos0.copy()
         gui = page.gui
@@ -86,10 +71,9 @@ class KeysPage:
         with gui.add_folder("pose, degrees"):
             ends = zip(robot.joints, *np.degrees((robot.limits.lower, robot.limits.upper)).tolist(), strict=True)
             self._sliders = {joint: self._slider(joint, low, high) for joint, low, high in ends}
-            ways = {"copy": self._copy, "paste": self._paste, "rest": self._rest, "from rig": self._from_rig}
             hint = "From rig: as its joints stand, which you move by hand while no program plays on it"
-            group = gui.add_button_group("pose", tuple(ways), hint=hint)
-            self._hear(group, lambda _: ways[str(group.value)]())
+            ways = gui.add_button_group("pose", ("copy", "paste", "rest", "from rig"), hint=hint)
+            self._hear(ways, lambda _: self._take(ways.value))
         gui.add_html('<div id="set-key"></div>')
         self._set = gui.add_button("Set key")
         self._hear(self._set, lambda _: self._set_key())
@@ -98,23 +82,23 @@ class KeysPage:
         hint = "Of the way to the key: smooth passes through it, the others come to rest there"
         self._easing = gui.add_dropdown("easing", get_args(Easing), hint=hint)
         self._delete = gui.add_button("Delete key", color="gray")
-        self._hear(self._delete, lambda _: self._change(lambda sheet: sheet.delete(self._here)))
+        self._hear(self._delete, lambda _: draft.change(lambda sheet: sheet.delete(self._here)))
         self._hear(gui.add_button("Undo", color="gray"), lambda _: draft.undo())
         self._length = gui.add_number("length, s", draft.sheet.length, min=0.1, max=3600.0, step=0.5)
-        self._hear(self._length, lambda _: self._change(self._set_length))
-        self._plays = gui.add_dropdown("plays", ("loop", "once"), initial_value=draft.sheet.plays)
-        self._hear(self._plays, lambda _: self._change(self._set_plays))
-        self._hear(gui.add_button("Save"), lambda _: self._say(draft.save()))
-        emulated, real = (gui.add_button(f"Learn and play{how}", color="gray") for how in (", emulated", " on the rig"))
-        self._hear(emulated, lambda event: self._try(event, emulated=True))
-        self._hear(real, lambda event: self._try(event, emulated=False))
-        self._stop = gui.add_button("Stop playing", color=STOPS, hint="Ends the run; its joints come to rest")
-        self._hear(self._stop, lambda _: threading.Thread(target=rehearsal.stop, daemon=True).start())
-        self._rehearsal_line = gui.add_html("")
-        parts = PageParts(page)
-        self._strip = parts.add(
-            "key-strip", "key-strip", heard=lambda said, event: self._do(event, self._strip_said, said)
+        self._hear(
+            self._length, lambda _: draft.change(lambda sheet: setattr(sheet, "length", float(self._length.value)))
         )
+        self._plays = gui.add_dropdown("plays", ("loop", "once"), initial_value=draft.sheet.plays)
+        self._hear(self._plays, lambda _: draft.change(lambda sheet: setattr(sheet, "plays", self._plays.value)))
+        self._hear(gui.add_button("Save"), lambda _: self._say(draft.save()))
+        self._learn = gui.add_button_group("learn and play", ("emulated", "on the rig"), hint="Saves the keys first")
+        self._hear(self._learn, self._learn_and_play)
+        self._stop = gui.add_button("Stop playing", color=STOPS, hint="Ends the run; its joints come to rest")
+        self._hear(self._stop, lambda _: rehearsal.stop())
+        self._run_line = gui.add_html("")
+        parts = PageParts(page)
+        heard = partial(self._do, self._hear_strip)
+        self._strip = parts.add("key-strip", "key-strip", heard=lambda said, event: heard(event, said))
         self._hand = parts.add("key-hand", "key-hand")
         self._refresh()
 
@@ -125,33 +109,33 @@ class KeysPage:
         return slider
 
     def _hear(self, handle: Any, action: Callable[[viser.GuiEvent], object]) -> None:
-        on = handle.on_update if not hasattr(handle, "on_click") else handle.on_click
-        on(lambda event: self._do(event, action, event))
+        on = handle.on_click if hasattr(handle, "on_click") else handle.on_update
+        on(lambda event: self._do(action, event, event))
 
-    def _do(self, event: viser.GuiEvent, action: Callable[..., object], *arguments: object) -> None:
+    def _do(self, action: Callable[..., object], event: viser.GuiEvent, *arguments: object) -> None:
         # What this program sets reports no client.
         if event.client is None:
             return
         with self._lock:
             self._touched[id(event.target)] = time.monotonic()
-            self._put.pop(id(event.target), None)
+            self._brought.pop(id(event.target), None)
+            self._say("")
             try:
-                self._said = ""
                 action(*arguments)
             except MotiondeckError as error:
-                self._say(str(error), bad=True)
+                self._say(str(error), BAD)
             self._refresh()
 
     def _bring(self, handle: Any, value: float | str) -> None:
-        """Brings an input up to date, unless a hand is on it or has just changed it, which is not yet known here."""
-        just = time.monotonic() - self._touched.get(id(handle), 0.0) < HAND_ON
-        if not just and self._put.get(id(handle)) != value:
-            self._put[id(handle)] = value
+        """Brings an input up to date, unless a hand is on it, or has just changed it, which is not yet known here."""
+        hand = time.monotonic() - self._touched.get(id(handle), 0.0) < HAND_ON
+        if not hand and self._brought.get(id(handle)) != value:
+            self._brought[id(handle)] = value
             if handle.value != value:
                 handle.value = value
 
-    def _say(self, text: str, *, bad: bool = False) -> None:
-        self._said, self._bad = text, bad
+    def _say(self, text: str, colour: str = "inherit") -> None:
+        self._said = text, colour
 
     @property
     def _here(self) -> float:
@@ -177,68 +161,44 @@ class KeysPage:
         self._head.playing = False
         self._posed |= pose
 
-    def _copy(self) -> None:
-        self._copied = self._pose_here()
-        self._say("copied")
-
-    def _paste(self) -> None:
-        self._pose(self._copied)
-
-    def _rest(self) -> None:
-        self._pose(self._draft.rest)
-
-    def _from_rig(self) -> None:
-        self._pose(self._read_rig())
-        self._say("as the joints of the rig stand")
+    def _take(self, way: str) -> None:
+        if way == "copy":
+            self._copied = self._pose_here()
+        else:
+            self._pose(
+                {"paste": lambda: self._copied, "rest": lambda: self._draft.rest, "from rig": self._read_rig}[way]()
+            )
 
     def _set_key(self) -> None:
-        head = self._head
-        head.playing = False
+        self._head.playing = False
         pose = {joint: round(value, 1) for joint, value in self._pose_here().items()}
         if self._only.value and self._posed:
             pose = {joint: pose[joint] for joint in self._posed}
-        self._change(lambda sheet: sheet.set(self._here, pose, self._easing.value))
+        self._draft.change(lambda sheet: sheet.set(self._here, pose, self._easing.value))
         self._posed = {}
 
-    def _change(self, edit: Callable[[KeySheet], object]) -> None:
-        self._draft.change(edit)
-
-    def _set_length(self, sheet: KeySheet) -> None:
-        sheet.length = float(self._length.value)
-
-    def _set_plays(self, sheet: KeySheet) -> None:
-        sheet.plays = self._plays.value
-
-    def _strip_said(self, said: Any) -> None:
-        """What was done on the strip; anything else comes from no strip of ours."""
+    def _hear_strip(self, said: Any) -> None:
+        """Does what was done on the strip; anything else comes from no strip of ours."""
+        self._head.playing = False
         match said:
             case {"at": float(at) | int(at)}:
-                self._head.playing = False
                 self._head.seek(at)
             case {"move": [float(at) | int(at), float(to) | int(to)]}:
-                to = min(max(to, 0.0), self._draft.sheet.length)
-                self._change(lambda sheet: sheet.move(at, to))
+                self._draft.change(lambda sheet: sheet.move(at, to))
                 self._head.seek(to)
             case {"remove": float(at) | int(at)}:
-                self._change(lambda sheet: sheet.delete(at))
+                self._draft.change(lambda sheet: sheet.delete(at))
 
-    def _try(self, event: viser.GuiEvent, *, emulated: bool) -> None:
-        draft, rehearsal = self._draft, self._rehearsal
-        self._say(draft.save())
+    def _learn_and_play(self, event: viser.GuiEvent) -> None:
+        if self._rehearsal.busy:
+            raise MotiondeckError("It is learned or played already: press Stop playing first.")
+        library, emulated = self._rehearsal.library, self._learn.value == "emulated"
+        self._say(self._draft.save())
         doubts = [] if emulated else [REAL]
-        if rehearsal.library.exists() and not rehearsal.learned:
-            doubts.append(f"{rehearsal.library.name} is there already, and is replaced.")
-        if doubts:
-            ask(
-                self._page,
-                event,
-                "Learn and play?",
-                " ".join(doubts),
-                "Go on",
-                lambda: rehearsal.start(emulated=emulated),
-            )
-        else:
-            rehearsal.start(emulated=emulated)
+        if library.exists() and not self._rehearsal.learned:
+            doubts.append(f"{library.name} is there already, and is replaced.")
+        start = partial(self._rehearsal.start, emulated=emulated)
+        ask(self._page, event, "Learn and play?", " ".join(doubts), "Go on", start) if doubts else start()
 
     def show(self, dt: float) -> None:
         """Lets time pass and draws the figure."""
@@ -260,26 +220,20 @@ class KeysPage:
 
     def _show_place(self) -> None:
         """Brings up to date what follows the hand, and what is said of the run."""
-        head, rehearsal = self._head, self._rehearsal
-        self._hand.show({"length": self._draft.sheet.length, "at": round(head.seconds, 2)})
+        head, sheet, run = self._head, self._draft.sheet, self._rehearsal
+        self._hand.show({"length": sheet.length, "at": round(head.seconds, 2)})
         for joint, value in self._pose_here().items():
             slider = self._sliders[joint]
             self._bring(slider, min(max(round(value, 1), slider.min), slider.max))
-        sheet = self._draft.sheet
-        for handle, value in (
-            (self._time, round(head.seconds, 3)),
-            (self._length, sheet.length),
-            (self._plays, sheet.plays),
-        ):
-            self._bring(handle, value)
-        address = (
-            f' · <a href="{rehearsal.address}" target="_blank" rel="noopener">its page</a>'
-            if rehearsal.playing and rehearsal.address
-            else ""
+        self._bring(self._time, round(head.seconds, 3))
+        self._bring(self._length, sheet.length)
+        self._bring(self._plays, sheet.plays)
+        page = f' · <a href="{run.address}" target="_blank" rel="noopener">its page</a>' * bool(
+            run.busy and run.address
         )
-        line = f'<div id="rehearsal" style="padding:2px 14px;font-size:13px">{escape(rehearsal.said)}{address}</div>'
-        if self._rehearsal_line.content != line:
-            self._rehearsal_line.content, self._stop.disabled = line, not rehearsal.playing
+        line = f'<div id="rehearsal" style="padding:2px 14px;font-size:13px">{escape(run.said)}{page}</div>'
+        if self._run_line.content != line:
+            self._run_line.content, self._stop.disabled = line, not run.busy
 
     def _refresh(self) -> None:
         """Brings the page up to date after a change."""
@@ -292,29 +246,20 @@ class KeysPage:
         self._set.label = f"{'Change' if here in sheet.keys else 'Set'} key at {here:g} s"
         self._delete.disabled = here not in sheet.keys
         self._time.max = sheet.length
-        lines = [(self._said, BAD if self._bad else "inherit")] if self._said else []
-        lines += [(POSED, CURRENT_TEXT)] if self._posed else []
-        lines += [(f"{one.text}, from {one.begins:.2f} to {one.ends:.2f} s", BAD) for one in draft.held]
-        said = "".join(f'<div style="color:{colour};margin-top:3px">{escape(text)}</div>' for text, colour in lines)
-        state = f"{sheet.length:g} s, {sheet.plays} · {counted(len(sheet.keys), 'key')}"
-        saved = " · not saved" if draft.unsaved else ""
+        lines = [self._said, *([(POSED, "#1c7ed6")] if self._posed else [])]
+        lines += [(f"{text}, from {begins:.2f} to {ends:.2f} s", BAD) for begins, ends, text in draft.held]
+        said = "".join(
+            f'<div style="color:{colour};margin-top:3px">{escape(text)}</div>' for text, colour in lines if text
+        )
+        state = f"{sheet.length:g} s, {sheet.plays} · {counted(len(sheet.keys), 'key')}{' · not saved' * draft.unsaved}"
         self._line.content = (
             f'<div id="draft" style="padding:2px 14px;height:6em;overflow-y:auto;font-size:13px;line-height:1.35">'
-            f"<b>{escape(draft.file.name)}</b> · {state}{saved}{said}</div>"
+            f"<b>{escape(draft.file.name)}</b> · {state}{said}</div>"
         )
-        self._strip.show({"length": sheet.length, "keys": self._keys(), "curves": self._curves(), "held": self._held()})
+        ways = ((at, key, dict.fromkeys(way for _, way in key.values())) for at, key in sheet.keys.items())
+        keys = [(at, f"{at:g} s, {', '.join(easings)}: {', '.join(key)}") for at, key, easings in ways]
+        self._strip.show({"length": sheet.length, "keys": keys, "curves": self._curves(), "held": draft.held})
         self._show_place()
-
-    def _keys(self) -> list[tuple[float, str]]:
-        found: list[tuple[float, str]] = []
-        for at, key in self._draft.sheet.keys.items():
-            ways = ", ".join(dict.fromkeys(way for _, way in key.values()))
-            joints = "all joints" if len(key) == len(self._sliders) else ", ".join(key)
-            found.append((at, f"{at:g} s: {joints}; {ways}"))
-        return found
-
-    def _held(self) -> list[tuple[float, float, str]]:
-        return [(one.begins, one.ends, one.text) for one in self._draft.held]
 
     def _curves(self) -> list[tuple[str, list[float]]]:
         """Where the joints shall be over the time, each from 0 to 1 of its range."""

@@ -1,7 +1,6 @@
 """What a rig's limits make of a motion: where its joints go then, and where a limit holds one back."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,14 +11,8 @@ from controller.motion.rotations import Array
 NOTED = np.radians(0.5)  # of what is held back
 
 
-@dataclass(frozen=True)
-class HeldBack:
-    """A joint, from when to when, s, and in words by how much and by which limit."""
-
-    joint: str
-    begins: float
-    ends: float
-    text: str
+HeldBack = tuple[float, float, str]
+"""From when to when, s, a joint is held back, and in words which one, by how much, and by which limit."""
 
 
 def limited_course(
@@ -48,5 +41,5 @@ def limited_course(
         else:
             why = "it speeds up faster than it may"
         text = f"{joints[index]} is held back by up to {np.degrees(here.max()):.1f}°: {why}"
-        found.append(HeldBack(joints[index], float(at[0] / rate), float(at[-1] / rate), text))
+        found.append((float(at[0] / rate), float(at[-1] / rate), text))
     return course, found

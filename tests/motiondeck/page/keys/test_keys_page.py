@@ -66,7 +66,7 @@ def test_a_motion_is_posed_keyed_moved_saved_learned_and_played(browser, written
     keys = read_toml(folder / "wave.toml", Keyframes).key
     assert [(key.at, key.pose["elbow"]) for key in keys] == [(0.0, 0.0), (1.0, 60.0), (2.0, 0.0), (2.95, 60.0)]
 
-    press("Learn and play, emulated")
+    press("emulated")
     page.locator("#rehearsal").get_by_text("wave.safetensors plays").wait_for()
     run = browser.new_page(viewport={"width": 800, "height": 600})
     open_early(run, page.locator("#rehearsal a").get_attribute("href"))
