@@ -120,7 +120,7 @@ def read_text(path: str | Path, largest: int = LARGEST) -> str:
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
-def write_file(path: Path, content: bytes) -> None:
+def write_file(path: Path, content: bytes, mode: int = 0o666) -> None:
     """Writes a file under a temporary name and renames it, so that it is whole or not there.
 
     What is no file, such as /dev/stdout or a pipe, is written to as it is, and stays what it is. FileFormatError if it
@@ -130,7 +130,7 @@ def write_file(path: Path, content: bytes) -> None:
         if path.exists() and not path.is_file():
             path.write_bytes(content)
         else:
-            _replace(path.resolve(), content)  # a link stays one
+            _replace(path.resolve(), content, mode)  # a link stays one
     except OSError as error:
         raise FileFormatError.unwritable(path, error) from None
 
@@ -147,11 +147,11 @@ def keep(path: Path, content: bytes) -> None:
         write_file(path, content)
 
 
-def _replace(path: Path, content: bytes) -> None:
+def _replace(path: Path, content: bytes, mode: int) -> None:
     temporary = path.with_name(f".{path.name}.{secrets.token_hex(4)}")
     try:
-        # Opened with 0o666, so that the user's umask decides who may read the file.
-        with os.fdopen(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666), "wb") as file:
+        # By default opened with 0o666, so that the user's umask decides who may read the file.
+        with os.fdopen(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, mode), "wb") as file:
             file.write(content)
             file.flush()
             os.fsync(file.fileno())  # or a power failure after the rename could leave an empty file

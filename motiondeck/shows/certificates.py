@@ -2,7 +2,6 @@
 
 import datetime
 import ipaddress
-import os
 from collections.abc import Mapping
 from itertools import combinations
 from pathlib import Path
@@ -14,10 +13,12 @@ from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
 from motiondeck.shows.membership import AUTHORITY, CERTIFICATE, CONDUCTOR, KEY, MEMBER_FILE, check_name, host_and_port
 from motiondeck_base.errors import MotiondeckError
+from motiondeck_base.files import write_file
 
 YEARS = 5  # how long certificates are valid. They begin a day early, for machines whose clocks are behind.
 
 AUTHORITY_KEY = "authority.key"
+OWNERS = 0o600  # only the owner may read the files
 
 
 def make_certificates(folder: Path, show: str, members: Mapping[str, str]) -> list[Path]:
@@ -65,10 +66,10 @@ def _make_member(
     )
     own = folder / name
     own.mkdir(mode=0o700, exist_ok=True)
-    _write(own / AUTHORITY, _pem(authority[0]))
-    _write(own / CERTIFICATE, _pem(certificate.sign(authority[1], hashes.SHA256())))
-    _write(own / KEY, _pem(key))
-    _write(own / MEMBER_FILE, _member_file(show, name, members))
+    write_file(own / AUTHORITY, _pem(authority[0]), OWNERS)
+    write_file(own / CERTIFICATE, _pem(certificate.sign(authority[1], hashes.SHA256())), OWNERS)
+    write_file(own / KEY, _pem(key), OWNERS)
+    write_file(own / MEMBER_FILE, _member_file(show, name, members), OWNERS)
     return own
 
 
@@ -102,8 +103,8 @@ def _authority(folder: Path, show: str) -> tuple[x509.Certificate, ec.EllipticCu
         )
     )
     certificate = builder.sign(key, hashes.SHA256())
-    _write(key_file, _pem(key))
-    _write(certificate_file, _pem(certificate))
+    write_file(key_file, _pem(key), OWNERS)
+    write_file(certificate_file, _pem(certificate), OWNERS)
     return certificate, key
 
 
@@ -138,13 +139,3 @@ def _pem(thing: x509.Certificate | ec.EllipticCurvePrivateKey) -> bytes:
     return thing.private_bytes(
         serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, serialization.NoEncryption()
     )
-
-
-def _write(path: Path, data: bytes) -> None:
-    """Writes a file that only its owner may read, under a temporary name first."""
-    temporary = path.with_name(f".{path.name}.new")
-    with os.fdopen(os.open(temporary, os.O_CREAT | os.O_WRONLY | os.O_TRUNC, 0o600), "wb") as file:
-        file.write(data)
-        file.flush()
-        os.fsync(file.fileno())
-    temporary.replace(path)

@@ -56,7 +56,7 @@ def emulate(
       motiondeck rig emulate servo20 --robot servo20 --root free
     """
     from hardware.emulator.faults import KINDS, parse_fault
-    from hardware.emulator.pty_server import serve
+    from hardware.emulator.pty_server import ShaftRecord, serve
     from hardware.emulator.servos.drive import motors_said
 
     if fault and "help" in fault:
@@ -77,16 +77,11 @@ def emulate(
     servos = counted(len(config.joints), "servo")
     print(f"{servos} at {config.baud} baud; clients of another speed get no answer", file=sys.stderr, flush=True)
     print(motors_said(joint.model for joint in config.joints), file=sys.stderr, flush=True)
-    hands, recorded = _hands(config), None
-    if record is not None:
-        from hardware.emulator.pty_server import ShaftRecord
-
-        recorded = ShaftRecord(record, config)
+    called = [_hands(config)] + ([ShaftRecord(record, config)] if record is not None else [])
 
     def between(buses: Sequence[EmulatedBus]) -> None:
-        hands(buses)
-        if recorded is not None:
-            recorded(buses)
+        for each in called:
+            each(buses)
 
     with ended_by_sigterm():
         serve(config, lambda port: print(port, flush=True), faults, link=link, plant=plant, between=between)

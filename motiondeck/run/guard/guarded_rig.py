@@ -11,7 +11,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import NamedTuple, TypeVar
 
 import msgspec
@@ -285,8 +285,5 @@ def begin_with(
     config: RigConfig, limits: JointLimits, joints: Sequence[int], ports: Sequence[str], emulated: str | None
 ) -> Begin:
     """The first message to a guard; `joints` are the places of the rig's joints in the limits."""
-    lower, upper, velocity, acceleration, jerk = (
-        values[list(joints)].tolist()
-        for values in (limits.lower, limits.upper, limits.velocity, limits.acceleration, limits.jerk)
-    )
-    return Begin(config, list(ports), emulated, lower, upper, velocity, acceleration, jerk)
+    own = {kind.name: getattr(limits, kind.name)[list(joints)].tolist() for kind in fields(limits)}
+    return Begin(config, list(ports), emulated, own)

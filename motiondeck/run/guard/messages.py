@@ -29,11 +29,7 @@ class Begin(msgspec.Struct, frozen=True, tag="begin"):
     config: RigConfig
     ports: list[str]  # in place of the rig file's own
     emulated: str | None  # the rig file whose servos are to be emulated, or None
-    lower: list[float]  # limit of each joint, rad
-    upper: list[float]  # limit of each joint, rad
-    velocity: list[float]  # limit of each joint, rad/s
-    acceleration: list[float]  # limit of each joint, rad/s^2
-    jerk: list[float]  # limit of each joint, rad/s^3
+    limits: dict[str, list[float]]  # of the rig's joints, by the names in `JointLimits`
 
 
 class WatchStops(msgspec.Struct, frozen=True, tag="watch"):

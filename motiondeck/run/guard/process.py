@@ -40,8 +40,7 @@ class GuardService:
     def __init__(self, opening: ExitStack, link: GuardLink[Request], begin: Begin, rig: Rig) -> None:
         """Guards a rig from now on; `opening` closes what is opened later."""
         config = begin.config
-        rows = begin.lower, begin.upper, begin.velocity, begin.acceleration, begin.jerk
-        limits = JointLimits(*map(np.array, rows))
+        limits = JointLimits(**{kind: np.array(values) for kind, values in begin.limits.items()})
         self._opening, self._link, self._rig = opening, link, rig
         self._door: StopDoor | None = None
         self._targets, self._states = Targets(len(config.joints)), States(len(config.joints))
