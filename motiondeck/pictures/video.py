@@ -11,7 +11,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 import mujoco
 from PIL import Image, ImageDraw, ImageFont
@@ -35,47 +35,36 @@ class Shot:
     prints: Sequence[Array] = ()  # corners of footprints on the floor, shape (4, 3) each, m
 
 
-class Screens:
-    """One `OffScreen` per core of this process, up to MOST; a context manager that raises as they do."""
+@contextmanager
+def screens(
+    model: mujoco.MjModel, size: tuple[int, int], shadows: bool, camera: Camera
+) -> Iterator[Callable[[Iterable[Shot]], Iterator[Drawn]]]:
+    """One `OffScreen` per core of this process, up to MOST, in the block; yields what draws shots on them, in order."""
+    from joblib import cpu_count  # slow to import
 
-    def __init__(self, model: mujoco.MjModel, size: tuple[int, int], shadows: bool, camera: Camera) -> None:
-        from joblib import cpu_count  # slow to import
+    with ExitStack() as opened:
+        every: list[tuple[ThreadPoolExecutor, OffScreen]] = []
+        for _ in range(min(cpu_count(), MOST)):
+            # OpenGL wants a context to be used, and freed, in the thread that made it.
+            thread = opened.enter_context(ThreadPoolExecutor(1))
+            screen = thread.submit(OffScreen, model, size, shadows, camera).result()
+            opened.callback(lambda thread=thread, screen=screen: thread.submit(screen.close).result())
+            every.append((thread, screen))
 
-        self._open = ExitStack()
-        self._screens: list[OffScreen] = []
-        self._threads: list[ThreadPoolExecutor] = []
-        try:
-            for _ in range(min(cpu_count(), MOST)):
-                # OpenGL wants a context to be used, and freed, in the thread that made it.
-                thread = self._open.enter_context(ThreadPoolExecutor(1))
-                screen = thread.submit(OffScreen, model, size, shadows, camera).result()
-                self._open.callback(lambda thread=thread, screen=screen: thread.submit(screen.close).result())
-                self._threads.append(thread)
-                self._screens.append(screen)
-        except BaseException:
-            self._open.close()
-            raise
-
-    def __call__(self, shots: Iterable[Shot]) -> Iterator[Drawn]:
-        """The pictures, in order."""
-        drawn: deque[Future[Drawn]] = deque()
-        for number, shot in enumerate(shots):
-            mine = number % len(self._screens)
-            for own, (thread, screen) in enumerate(zip(self._threads, self._screens, strict=True)):
-                if own == mine:
-                    drawn.append(thread.submit(screen.draw, shot.qpos, ghost=shot.ghost, prints=shot.prints))
-                else:
-                    thread.submit(screen.follow, shot.qpos)
-            if len(drawn) > len(self._screens):
+        def draw(shots: Iterable[Shot]) -> Iterator[Drawn]:
+            drawn: deque[Future[Drawn]] = deque()
+            for number, shot in enumerate(shots):
+                for own, (thread, screen) in enumerate(every):
+                    if own == number % len(every):
+                        drawn.append(thread.submit(screen.draw, shot.qpos, ghost=shot.ghost, prints=shot.prints))
+                    else:
+                        thread.submit(screen.follow, shot.qpos)
+                if len(drawn) > len(every):
+                    yield drawn.popleft().result()
+            while drawn:
                 yield drawn.popleft().result()
-        while drawn:
-            yield drawn.popleft().result()
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._open.close()
+        yield draw
 
 
 def render(
@@ -101,13 +90,13 @@ def render(
 
     def pictures() -> Iterator[bytes]:
         nonlocal count
-        for picture in screens(frame if isinstance(frame, Shot) else Shot(frame) for frame in frames):
+        for picture in draw(frame if isinstance(frame, Shot) else Shot(frame) for frame in frames):
             yield picture.tobytes()
             count += 1
             if progress:
                 progress(count)
 
-    with _written_whole(path) as unfinished, Screens(model, size, shadows, camera) as screens:
+    with _written_whole(path) as unfinished, screens(model, size, shadows, camera) as draw:
         writers[path.suffix.lower()](pictures(), unfinished, fps, size)
         if count == 0:
             raise MotiondeckError(f"{path}: there are no frames to film")

@@ -43,9 +43,9 @@ def scan(
     widest = max((len(one.identity.model) for one in found), default=0)
     if as_json:
         rows = [
-            {"baud": baud, "id": i.id, "model": i.model, "firmware": i.firmware, "alert": i.alert, "family": name}
+            {"baud": baud, "id": i.id, "model": i.model, "firmware": i.firmware, "alert": i.alert}
+            | {"family": i.family.name}
             for baud, i in found
-            for name in (i.family.name,)
         ]
         print(json.dumps({"port": port, "servos": rows}))
     for one in found if not as_json else []:

@@ -174,19 +174,15 @@ def robot_files(spec: RunSpec) -> tuple[Path, Path | None]:
 
     MotiondeckError if there is no such robot or rig; it names the nearest.
     """
-    robot, rig = str(spec.robot), str(spec.rig) if spec.rig is not None else None
-    file = find_robot(robot)
-    if rig is None:
+    file, name = find_robot(str(spec.robot)), Path(str(spec.robot)).stem
+    if spec.rig is None:
         return file, None
-    kind, _, named = rig.partition(":")
-    if kind == EMULATED and named:
-        return file, find_rig(named)
-    if rig != EMULATED:
-        return file, find_rig(rig, also=[EMULATED])
+    if spec.rig_named != EMULATED:
+        return file, find_rig(spec.rig_named, also=() if is_emulated(spec.rig) else (EMULATED,))
     try:
-        return file, find_rig(Path(robot).stem)
+        return file, find_rig(name)
     except MotiondeckError:
         raise MotiondeckError(
-            f"there is no rig for robot '{Path(robot).stem}' to be emulated. Try: --rig emulated --robot servo20. "
+            f"there is no rig for robot '{name}' to be emulated. Try: --rig emulated --robot servo20. "
             "For your own robot write a rig file, emulate it with motiondeck rig emulate, and name it with --rig FILE"
         ) from None

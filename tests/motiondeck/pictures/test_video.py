@@ -6,7 +6,7 @@ import pytest
 from PIL import Image, ImageSequence
 
 from motiondeck.pictures.offscreen import OffScreen, with_less_detail
-from motiondeck.pictures.video import Screens, Shot, contact_sheet, render
+from motiondeck.pictures.video import Shot, contact_sheet, render, screens
 from motiondeck_base.errors import MotiondeckError
 from sim.models.mannequin.mannequin import build_mannequin
 from simulated_bodies import human
@@ -205,8 +205,8 @@ def test_screens_that_share_a_film_draw_the_same_pictures(model, monkeypatch):
     shots = [Shot(standing(model, 0.2 * k), ghost=standing(model) if k == 3 else None) for k in range(5)]
     with OffScreen(model, (120, 90)) as screen:
         expected = [screen.draw(shot.qpos, ghost=shot.ghost) for shot in shots]
-    with Screens(model, (120, 90), False, "follow") as screens:
-        drawn = list(screens(shots))
+    with screens(model, (120, 90), False, "follow") as draw:
+        drawn = list(draw(shots))
     drawn, expected = np.array(drawn, dtype=int), np.array(expected, dtype=int)
     assert np.abs(drawn - expected).max() <= 1  # as OpenGL rounds
     assert np.abs(expected[1] - expected[0]).max() > 50
