@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -110,16 +111,7 @@ def run(
             if stream:
                 out.append({"file": str(path)} | _streamed(loaded, clip))
             else:
-                verdict = loaded.recognize(clip)
-                out.append(
-                    {
-                        "file": str(path),
-                        "motion": verdict.motion,
-                        "known": verdict.known,
-                        "margin": verdict.margin,
-                        "costs": verdict.costs,
-                    }
-                )
+                out.append({"file": str(path)} | asdict(loaded.recognize(clip)))
         except MotiondeckError as error:
             if len(clips) == 1:
                 raise

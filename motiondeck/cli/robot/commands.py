@@ -76,15 +76,11 @@ def show(robot: RobotArgument, as_json: JsonOption = False) -> None:
     file = read_robot_file(path)
     loaded = load_robot(path, reference_body())
     limits = loaded.limits
-    columns = zip(
-        loaded.joints,
-        limits.lower.tolist(),
-        limits.upper.tolist(),
-        limits.velocity.tolist(),
-        loaded.rest.tolist(),
-        strict=True,
-    )
-    joints = [dict(zip(("name", "lower", "upper", "velocity", "rest"), column, strict=True)) for column in columns]
+    figures = {"lower": limits.lower, "upper": limits.upper, "velocity": limits.velocity, "rest": loaded.rest}
+    joints: list[dict[str, Any]] = [
+        {"name": name} | {key: float(values[place]) for key, values in figures.items()}
+        for place, name in enumerate(loaded.joints)
+    ]
     report = {
         "name": file.name,
         "kind": file.kind,
@@ -102,9 +98,7 @@ def show(robot: RobotArgument, as_json: JsonOption = False) -> None:
     print(f"{file.name}: {file.kind}, {counted(len(joints), 'joint')}, {report['mass_kg']:.1f} kg, posed by {how}")
     if file.kind == "mannequin":
         print("built from the skeleton of the motions; shown for an average body")
-    rows = [
-        (joint["name"], *(f"{joint[key]:.2f}" for key in ("lower", "upper", "velocity", "rest"))) for joint in joints
-    ]
+    rows = [(joint["name"], *(f"{joint[key]:.2f}" for key in figures)) for joint in joints]
     show_table(("joint", "lower rad", "upper rad", "speed rad/s", "rest rad"), rows)
     for part, body in file.parts.items():
         print(f"{part:<12} {body}")
