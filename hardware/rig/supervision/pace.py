@@ -23,6 +23,7 @@ _SAGS_FROM = 0.9  # of the highest voltage seen, because every load takes some
 _SMOOTHED_OVER = 0.25  # s
 _STRAINED, _RELIEVED = 0.75, 0.6
 _GENTLE = 0.5  # of the allowed current
+_NEAREST = 0.3  # of how far the maker's figures have the goal of a yielding joint
 _MOST = 0.8  # of the stall current, where the rig file has no limit: about where servos report an overload
 
 
@@ -163,7 +164,8 @@ class Strain:
 
     The current of each joint, as a part of the allowed one, is smoothed over a quarter of a second. Above 75 % the
     joint yields: its goal stays so near its position that it keeps pushing with half the current. Below 60 % it
-    follows its target again.
+    follows its target again. A motor that draws more than its maker says, or has a higher voltage, would push harder
+    from there: its goal comes nearer until half is what is measured.
     """
 
     def __init__(self, config: RigConfig, slack: Array) -> None:
@@ -173,6 +175,7 @@ class Strain:
         self._slack = slack
         stall = np.array([TRAITS[joint.model].stall_current for joint in config.joints])
         self._gentle = _GENTLE * self._allowed / stall
+        self._nearer = np.ones(len(config.joints))  # than by the maker's figures
         self.yielding = np.zeros(len(config.joints), dtype=np.bool_)  # joints that yield now, shape (J,)
         self._smoothed = np.zeros(len(config.joints))
         self._noted = -math.inf
@@ -180,13 +183,18 @@ class Strain:
     @property
     def reach(self) -> Array:
         """How far from its position the goal of a yielding joint may be, shape (J,), rad."""
-        return self._gentle * self._slack
+        return self._nearer * self._gentle * self._slack
 
     def note(self, currents: Array, now: float) -> None:
         """Takes in the currents (J,), A, measured at the time `now`, s."""
         share = -math.expm1(-min(1.0, max(0.0, now - self._noted)) / _SMOOTHED_OVER)
         self._noted = now
-        self._smoothed += (np.abs(currents) / self._allowed - self._smoothed) * share
+        taken = np.abs(currents) / self._allowed
+        if np.logical_or.reduce(self.yielding):
+            nearer = np.clip(self._nearer * (1.0 - share * (taken / _GENTLE - 1.0)), _NEAREST, 1.0)
+            # Above it the goal may still be on its way back.
+            self._nearer = np.where(self.yielding & (self._smoothed < _STRAINED), nearer, self._nearer)
+        self._smoothed += (taken - self._smoothed) * share
         self.yielding = self._smoothed > np.where(self.yielding, _RELIEVED, _STRAINED)
 
     def forget(self, joints: NDArray[np.int64] | slice) -> None:

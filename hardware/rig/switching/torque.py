@@ -1,7 +1,7 @@
 """Switching a rig on and off: torque comes on only where the joint stands. These functions wait; none is for a loop."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -27,6 +27,7 @@ from hardware.rig.turn_file import TurnFile
 
 _PATH = ("present_velocity", "present_position", "velocity_trajectory", "position_trajectory")
 _NO_PATH = ("present_velocity", "present_position", "present_velocity", "goal_position")
+_LOOK_AT = ("profile_velocity", "goal_position", "present_velocity", "present_position")
 APART = 0.1
 """rad by which two servos of one joint may disagree: play between them, and zeros that a hand has set."""
 _LAG = 0.15  # s that a joint may be behind its path and still follows it
@@ -34,6 +35,7 @@ _LOOKS, _LOOK = 30, 0.05  # at a partner that comes to rest, and s between two o
 _OPPOSED = 0.12  # of the stall current, with which two servos of a joint work against each other
 _STANDS, _TURNS = 0.05, 0.2  # rad/s of a path, up to which it stands, and of a shaft
 _UNTIL_TAKEN = 0.02  # s from reading a joint's position to its taking the new goal
+_OFF, _SWINGS = 0.03, 2.0  # rad from its goal at which a joint takes torque, and s in which a limp one comes to that
 _ROUNDS = 2  # of asking for torque or its end: a servo that has just restarted is deaf for a while
 
 
@@ -68,14 +70,11 @@ def switch_on(
             raise RigError(f"{'; '.join(refused)}. Set it with motiondeck rig doctor RIG --fix.")
         settle((difference for difference in differences if difference.when == "switch-on"), config, bus)
         held = hold_still(config, bus, believed)
-        # One that was swapped since the first check keeps the speed limit by which `_take_torque_on` would know it.
-        check_identities(config, bus)
         if cancelled():
             raise RigError("the rig was closed before torque was on.")
-        _take_torque_on(config, bus)
+        return Held(_take_torque_on(config, bus, held.zeros), held.zeros)
     except ServoError as error:
         raise RigError(str(error)) from error
-    return held
 
 
 def hold_still(config: RigConfig, bus: Bus, believed: Array, pace: float = 1.0) -> Held:
@@ -91,13 +90,7 @@ def hold_still(config: RigConfig, bus: Bus, believed: Array, pace: float = 1.0) 
         scale.zero[:] = find_zeros(config, bus, believed)
         positions, rests, torque = places_of_rest(config, bus, scale)
         _refuse_other_turns(config, positions, believed)
-        outside = [
-            f"{joint.name} stands at {angle:.2f} rad, its limits are {joint.lower} to {joint.upper}"
-            for joint, angle in zip(config.joints, positions, strict=True)
-            if not joint.lower - NEAR <= angle <= joint.upper + NEAR
-        ]
-        if outside:
-            raise RigError(f"{'; '.join(outside)}. Move it by hand, or correct its zero and limits in the rig file.")
+        _refuse_outside(config, positions)
         _refuse_disagreement(config, positions)
         goals = scale.within(_together(config, rests, torque))
         write_each(config, bus, "goal_position", [int(pulses) for pulses in scale.pulses(goals)])
@@ -227,22 +220,48 @@ def hold_each(config: RigConfig, bus: Bus, believed: Array) -> list[str]:
     return unconfirmed
 
 
-def _take_torque_on(config: RigConfig, bus: Bus) -> None:
-    """Takes torque on where a servo still keeps its speed limit, which one that has restarted or was swapped does not.
+def _take_torque_on(config: RigConfig, bus: Bus, zeros: Array) -> Array:
+    """Takes torque on, joint by joint, each where it stands then; returns the goals, shape (J,), rad.
 
-    The write behind the look is sent once and not answered: one that is repeated until it is answered may reach a
-    servo that has restarted meanwhile.
+    It comes on only in a servo of the right model that still keeps its speed limit, which one that has restarted or was
+    swapped does not. The write behind the look is sent once and not answered: one that is repeated until it is answered
+    may reach a servo that has restarted meanwhile.
     """
+    goals = np.zeros(len(config.joints))
     off = list(range(len(config.joints)))
     for _ in range(_ROUNDS):
-        for index in off:
-            one = config.only([index])
-            if read_each(one, bus, "profile_velocity") != [speed_counts(config.joints[index], 1.0)]:
-                raise RigError(f"{list_joints(one.joints)} has restarted while it was switched on. Check its power.")
+        for joint in dict.fromkeys(config.joint_of[index] for index in off):
+            own = [index for index in off if config.joint_of[index] == joint]
+            one = config.only(own)
+            check_identities(one, bus)
+            goals[own] = _keep_goals_near(one, bus, zeros[own])
             sync_write_all(one, bus, "torque_enable", 1)
         off = [index for index in off if read_each(config.only([index]), bus, "torque_enable") == [0]]
     if off:
         raise RigError(f"{list_joints(config.only(off).joints)} did not take torque on. Try again.")
+    return goals
+
+
+def _keep_goals_near(config: RigConfig, bus: Bus, zeros: Array) -> Array:
+    """Has the goals of a joint without torque follow it until it is there and slow; returns them, shape (J,), rad.
+
+    A joint may fall or swing since its place was read; a look and the write behind it leave it the least time for that.
+    """
+    scale, until = RigScale(config), bus.port.now() + _SWINGS
+    scale.zero[:] = zeros
+    limits = [speed_counts(joint, 1.0) for joint in config.joints]
+    while True:
+        kept, goals, velocity, positions = _read_together(config, bus, [_LOOK_AT] * len(limits))
+        if kept.tolist() != limits:
+            raise RigError(f"{list_joints(config.joints)} has restarted while it was switched on. Check its power.")
+        goals, positions = scale.angles(goals), scale.angles(positions)
+        places = scale.within(_together(config, positions, np.zeros(len(goals), dtype=np.bool_)))
+        if (np.abs(goals - places) + np.abs(velocity * scale.rad_per_s) * _UNTIL_TAKEN).max() < _OFF:
+            return goals
+        if bus.port.now() > until:
+            raise RigError(f"{list_joints(config.joints)} swings. Hold it still while it is switched on.")
+        _refuse_outside(config, positions)
+        write_each(config, bus, "goal_position", [int(pulses) for pulses in scale.pulses(places)])
 
 
 def _is_set(joint: RigJoint, bus: Bus, low: int, high: int) -> bool:
@@ -272,6 +291,17 @@ def _together(config: RigConfig, rests: Array, torque: NDArray[np.bool_]) -> Arr
     joints = np.array(config.joint_of)
     weights = np.where(torque | ~np.bincount(joints, torque).astype(np.bool_)[joints], 1.0, 0.0)
     return (np.bincount(joints, rests * weights) / np.bincount(joints, weights))[joints]
+
+
+def _refuse_outside(config: RigConfig, positions: Array) -> None:
+    """Raises a RigError if a joint stands outside its limits."""
+    outside = [
+        f"{joint.name} stands at {angle:.2f} rad, its limits are {joint.lower} to {joint.upper}"
+        for joint, angle in zip(config.joints, positions, strict=True)
+        if not joint.lower - NEAR <= angle <= joint.upper + NEAR
+    ]
+    if outside:
+        raise RigError(f"{'; '.join(outside)}. Move it by hand, or correct its zero and limits in the rig file.")
 
 
 def _refuse_other_turns(config: RigConfig, positions: Array, believed: Array) -> None:
@@ -327,6 +357,13 @@ def _show_paths(config: RigConfig) -> NDArray[np.bool_]:
 def _read_path(config: RigConfig, bus: Bus, scale: RigScale) -> tuple[Array, Array, Array, Array]:
     """The registers of `_PATH` (J,), rad/s and rad, read at the same time; a model without a path goes to its goal."""
     names = [_PATH if path else _NO_PATH for path in _show_paths(config)]
+    velocity, position, path_velocity, path = _read_together(config, bus, names)
+    rate = scale.rad_per_s
+    return velocity * rate, scale.angles(position), path_velocity * rate, scale.angles(path)
+
+
+def _read_together(config: RigConfig, bus: Bus, names: Sequence[tuple[str, ...]]) -> Array:
+    """N registers of each servo, read at the same time with all between them, shape (N, J), counts."""
     rows = [[joint.table[name] for name in own] for joint, own in zip(config.joints, names, strict=True)]
     starts = [min(row.address for row in own) for own in rows]
     ends = [max(row.address + row.length for row in own) for own in rows]
@@ -339,6 +376,4 @@ def _read_path(config: RigConfig, bus: Bus, scale: RigScale) -> tuple[Array, Arr
     for joint, own, start in zip(config.joints, rows, starts, strict=True):
         values = decode_block(own, statuses[joint.id].params, start)
         counts.append([values[row.name] for row in own])
-    velocity, position, path_velocity, path = np.array(counts, dtype=np.float64).T
-    rate = scale.rad_per_s
-    return velocity * rate, scale.angles(position), path_velocity * rate, scale.angles(path)
+    return np.array(counts, dtype=np.float64).T
