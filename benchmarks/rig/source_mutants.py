@@ -17,7 +17,14 @@ from hardware.rig.supervision.pace import CatchingUp, JointPace, Strain
 from hardware.rig.supervision.rig import Rig
 from hardware.rig.switching.audit import _needs, current_counts
 from hardware.rig.switching.identities import check_identities
-from hardware.rig.switching.torque import _await_partners, _limit_speed, hold_still, places_of_rest, speed_counts
+from hardware.rig.switching.torque import (
+    _await_partners,
+    _keep_goals_near,
+    _limit_speed,
+    hold_still,
+    places_of_rest,
+    speed_counts,
+)
 from hardware.rig.switching.turns import _whole_turns, way
 
 
@@ -42,7 +49,8 @@ _PAIR = "two servos on a joint"
 
 MUTANTS = {
     "no clipping": Mutant(JointPace.bound, "self._scale.within(targets)", "targets"),
-    "no goal := present": Mutant(hold_still, _GOALS, "pass"),
+    "no goal := present": Mutant(hold_still, _GOALS, "pass", cure="torque beside a swing"),
+    "torque beside a swing": Mutant(_keep_goals_near, ".max() < _OFF", ".max() < 99.0", ("reboot", "a weight")),
     "no braking distance": Mutant(places_of_rest, "np.where(moves | stands, np.clip(ahead, -most, most), 0.0)", "0.0"),
     "no acceleration limit": Mutant(
         _limit_speed, '"profile_acceleration", rates', '"profile_acceleration", [0] * len(rates)'

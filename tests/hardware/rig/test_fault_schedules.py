@@ -60,6 +60,7 @@ def test_a_random_schedule_of_faults_ends_well(seed):
         (701778053, "a restart after the end, taken for a joint that does not hold"),
         (460000000, "a servo that was swapped between the check of its model and its torque"),
         (440000046, "a weight that with its friction was more than its joint could lift"),
+        (600000151, "torque on a limp joint whose weight swung on since its place was read"),
     ],
 )
 def test_a_schedule_that_was_wrong_ends_well(seed, was):
@@ -97,6 +98,7 @@ def _to_and_fro(reach, now):
     ("name", "seed", "noticed"),
     [
         ("no goal := present", 0, "from its goal"),
+        ("torque beside a swing", 600000151, "from its goal"),
         ("no speed limit", 310, "was too fast"),
         ("no acceleration limit", 101, "was accelerated too hard"),
         ("no braking distance", 305, "moved at another's recovery"),

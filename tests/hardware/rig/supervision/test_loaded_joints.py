@@ -115,7 +115,7 @@ def test_one_that_yields_pushes_with_half_of_its_current_whatever_its_motor_draw
     drive = arm.servo.bank.drive
     drive.supply[arm.servo.row], drive.jammed[arm.servo.row] = 14.8, True
     pushes = []
-    for _ in range(24):
+    for _ in range(36):
         yielding = arm.rig.yielding[0]
         arm.play(lambda t: 0.5, 0.05)
         if yielding and not arm.rig.yielding[0]:
