@@ -23,6 +23,7 @@ _SAGS_FROM = 0.9  # of the highest voltage seen, because every load takes some
 _SMOOTHED_OVER = 0.25  # s
 _STRAINED, _RELIEVED = 0.75, 0.6
 _GENTLE = 0.5  # of the allowed current
+_STEADY = 0.1  # part by which a current that does not change may differ from the smoothed one
 _NEAREST = 0.3  # of how far the maker's figures have the goal of a yielding joint
 _MOST = 0.8  # of the stall current, where the rig file has no limit: about where servos report an overload
 
@@ -190,12 +191,13 @@ class Strain:
         share = -math.expm1(-min(1.0, max(0.0, now - self._noted)) / _SMOOTHED_OVER)
         self._noted = now
         taken = np.abs(currents) / self._allowed
-        if np.logical_or.reduce(self.yielding):
-            nearer = np.clip(self._nearer * (1.0 - share * (taken / _GENTLE - 1.0)), _NEAREST, 1.0)
-            # Above it the goal may still be on its way back.
-            self._nearer = np.where(self.yielding & (self._smoothed < _STRAINED), nearer, self._nearer)
         self._smoothed += (taken - self._smoothed) * share
-        self.yielding = self._smoothed > np.where(self.yielding, _RELIEVED, _STRAINED)
+        yielded, self.yielding = self.yielding, self._smoothed > np.where(self.yielding, _RELIEVED, _STRAINED)
+        if np.logical_or.reduce(yielded):
+            # A current that changes is that of a goal on its way back.
+            steady = np.abs(taken - self._smoothed) < _STEADY * self._smoothed
+            nearer = np.clip(self._nearer * (1.0 - share * (taken / _GENTLE - 1.0)), _NEAREST, 1.0)
+            self._nearer = np.where(self.yielding, np.where(steady, nearer, self._nearer), 1.0)
 
     def forget(self, joints: NDArray[np.int64] | slice) -> None:
         """Forgets the currents of joints that hold anew; while they yielded they were not to be slow."""
