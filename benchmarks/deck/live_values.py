@@ -1,4 +1,4 @@
-"""A jaw that follows 50 values a second over OSC: its delay, lost packets, a sender that dies.
+"""Delay of a jaw that gets 50 values a second over OSC, lost or cut off.
 
 The head of examples/head talks on emulated servos, in simulated time, and its jaw gets values as datagrams whose bytes
 are written here, through the stage's bridge and the deck's socket. Judged are the goals in the servo's own register,

@@ -6,12 +6,11 @@ joints. The loop calls `update` once a tick, and commands in between. The `switc
 """
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 from controller.deck.interfaces import Retargeter
 from controller.deck.joins.joining import Joining
 from controller.deck.layers import OFF, Layers
-from controller.deck.live_values import LiveValues
 from controller.deck.lockable import Lockable
 from controller.deck.locks.lock import LoopPlace
 from controller.deck.performance import Performance
@@ -230,23 +229,16 @@ class Deck(Lockable):
         elif name not in self.layers.groups:
             raise UnknownNameError.among("input or group", name, [*self._inputs.present, *self.layers.groups, OFF])
         else:
-            self._live(lambda live: live.set(name, value, seconds))
+            self._say_layers(self.layers.live.set(name, value, seconds))
 
     def gaze(self, left: float, up: float, ahead: float = 1.0, seconds: float = HELD) -> None:
         """Looks at a point for some seconds; see `LiveValues.gaze`."""
-        self._live(lambda live: live.gaze(left, up, ahead, seconds))
-
-    def _live(self, give: Callable[[LiveValues], None]) -> None:
-        layers = self._layers
-        before = [*layers.live.following]
-        give(layers.live)
-        if [*layers.live.following] != before:  # of a stream only the first value is an event
-            self._tell_layers()
+        self._say_layers(self._layers.live.gaze(left, up, ahead, seconds))
 
     def layer(self, group: str, motion: str, weight: float = 1.0, tempo: float = 1.0) -> None:
         """Plays a motion on a group of joints over what else is played; see `Layers.play`."""
         self._layers.play(group, motion, weight, tempo, over=self.playing)
-        self._tell_layers()
+        self._say_layers(True)
 
     @property
     def _layers(self) -> Layers:
@@ -254,7 +246,9 @@ class Deck(Lockable):
             raise MotiondeckError("there are no layers here: this deck drives no named joints")
         return self.layers
 
-    def _tell_layers(self) -> None:
+    def _say_layers(self, changed: bool) -> None:
+        if not changed:  # of a stream only the first value is an event
+            return
         text = ", ".join(f"{group}: {motion}" for group, motion in self.layered.items()) or "no layers"
         self.events.append(Event("layer", text, self.motion, self.time))
 

@@ -88,39 +88,40 @@ class LiveValues:
         """LIVE for each joint that follows values."""
         return {self._names[index]: LIVE for index, joint in self.joints.items() if joint.goal}
 
-    def set(self, group: str, value: float, seconds: float) -> None:
+    def set(self, group: str, value: float, seconds: float) -> bool:
         """Gives the joints of a group a value: 0 for the angle 0, 1 for the upper and -1 for the lower limit.
 
-        MotiondeckError for another value, or a robot that can have none.
+        Whether one begins to follow. MotiondeckError for another value, or a robot that can have none.
         """
         if not -1.0 <= value <= 1.0:
             raise MotiondeckError(f"{group} goes from -1 (its lower limit) over 0 (its zero) to 1 (its upper limit)")
-        for index in self._groups[group].tolist():
-            lower, upper = float(self._limits.lower[index]), float(self._limits.upper[index])
-            zero = min(max(0.0, lower), upper)
-            self._follow(index, zero + abs(value) * ((upper if value > 0.0 else lower) - zero), seconds)
+        indices, limits = self._groups[group], self._limits
+        zero, end = np.clip(0.0, limits.lower, limits.upper), limits.upper if value > 0.0 else limits.lower
+        return self._follow(
+            dict(zip(indices.tolist(), (zero + abs(value) * (end - zero))[indices], strict=True)), seconds
+        )
 
-    def gaze(self, left: float, up: float, ahead: float, seconds: float) -> None:
-        """Looks at a point to the left, up and ahead of the eyes, m; MotiondeckError if nothing can look."""
+    def gaze(self, left: float, up: float, ahead: float, seconds: float) -> bool:
+        """Looks at a point to the left, up and ahead of the eyes, m; returns and raises as `set`."""
         if not self._gaze:
             raise MotiondeckError("no joints are known to look with: name them in the rig file, under [gaze]")
         pan, tilt = atan2(left, ahead), atan2(up, hypot(left, ahead))
-        for index, (per_pan, per_tilt) in self._gaze.items():
-            self._follow(index, per_pan * pan + per_tilt * tilt, seconds)
+        return self._follow({index: one[0] * pan + one[1] * tilt for index, one in self._gaze.items()}, seconds)
 
     def end(self) -> None:
         """Has all joints fall back."""
         for joint in self.joints.values():
             joint.left = 0.0
 
-    def _follow(self, index: int, value: float, seconds: float) -> None:
+    def _follow(self, values: Mapping[int, float], seconds: float) -> bool:
         if self._refusal:
             raise MotiondeckError(self._refusal)
-        limits = self._limits
-        if index not in self.joints:
-            self.joints[index] = LiveJoint(float(limits.velocity[index]), float(limits.acceleration[index]))
-        value = min(max(value, limits.lower[index]), limits.upper[index])
-        self.joints[index].follow(float(value), seconds)
+        limits, before = self._limits, len(self.following)
+        for index, value in values.items():
+            if index not in self.joints:
+                self.joints[index] = LiveJoint(float(limits.velocity[index]), float(limits.acceleration[index]))
+            self.joints[index].follow(float(min(max(value, limits.lower[index]), limits.upper[index])), seconds)
+        return len(self.following) > before
 
     def __call__(self, targets: Array, dt: float, *, still: bool) -> Array:
         """Targets (J,), rad, dt seconds later, with the live values over these; held if the deck is to stand still."""

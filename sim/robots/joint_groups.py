@@ -37,17 +37,11 @@ def gaze_gains(robot: Robot, groups: Mapping[str, tuple[str, ...]]) -> dict[str,
 
     They turn the head by these angles about z and against y, with the least squares of their own.
     """
-    model, data = robot.model, mujoco.MjData(robot.model)
-    mujoco.mj_kinematics(model, data)
-    names = groups.get("head", ())
-    axes = np.zeros((3, len(names)))
-    for column, name in enumerate(names):
-        servo = robot.joints.index(name)
-        joint = int(model.actuator_trnid[servo, 0])
-        ball = model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_BALL
-        turned = data.xmat[model.jnt_bodyid[joint]].reshape(3, 3)
-        axes[:, column] = turned @ model.actuator_gear[servo, :3] if ball else data.xaxis[joint]
-    gains = np.linalg.pinv(axes, rcond=1e-3) @ [[0.0, 0.0], [0.0, -1.0], [1.0, 0.0]]
+    names, data = groups.get("head", ()), mujoco.MjData(robot.model)
+    mujoco.mj_kinematics(robot.model, data)
+    mujoco.mj_comPos(robot.model, data)
+    axes = data.cdof[[robot.layout.dof[robot.joints.index(name)] for name in names], :3] if names else np.zeros((0, 3))
+    gains = np.linalg.pinv(axes.T, rcond=1e-3) @ [[0.0, 0.0], [0.0, -1.0], [1.0, 0.0]]
     return {name: (float(pan), float(tilt)) for name, (pan, tilt) in zip(names, gains, strict=True)}
 
 
