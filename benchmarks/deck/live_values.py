@@ -185,8 +185,8 @@ def steps(library: MotionLibrary, count: int, rng: np.random.Generator) -> dict[
 
 
 def deaths(library: MotionLibrary, count: int, rng: np.random.Generator) -> dict[str, float]:
-    """Senders that die after a second of voice, at any time of the motion, three seconds apart."""
-    last = [BEGINS + 4.0 * n + 1.0 + rng.uniform(0.0, 1.0) for n in range(count)]
+    """Senders that die after a second of voice, at any time of the motion, five seconds apart."""
+    last = [BEGINS + 5.0 * n + 1.0 + rng.uniform(0.0, 1.0) for n in range(count)]
     packets = [(at - EVERY * n, 0.9) for at in last for n in reversed(range(50))]
     seconds = last[-1] + 3.0
     goals, alone = jaw_goals(library, packets, seconds), jaw_goals(library, [], seconds)

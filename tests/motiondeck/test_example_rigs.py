@@ -14,7 +14,11 @@ from hardware.rig.rig_file import load_rig
 from hardware.tools.teaching import beyond_limits
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
-RIGS = {"head": (8, "idle look nod talk wink", "look"), "arm": (6, "pick wave", "wave"), "hexapod": (18, "tripod", "tripod")}
+RIGS = {
+    "head": (8, "idle look nod talk wink", "look"),
+    "arm": (6, "pick wave", "wave"),
+    "hexapod": (18, "tripod", "tripod"),
+}
 
 
 def motions(name):
