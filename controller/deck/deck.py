@@ -289,7 +289,7 @@ class Deck(Lockable):
             self._jump = None
         self.pose = playing.finish_tick()
         targets = self._retarget(self.pose)
-        if self.layers is not None:
+        if self.layers is not None and self.layers.active:
             settled = self.settled and not playing.tracks.crossing
             targets = self.layers(targets, dt, tempo, settled=settled, still=self.paused)
         if self._lock is not None:

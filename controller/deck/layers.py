@@ -86,6 +86,11 @@ class Layers:
         self._idle = [self._first]
 
     @property
+    def active(self) -> bool:
+        """Whether any joint has a layer or live values, perhaps one that goes."""
+        return bool(self._voices or self.live.joints)
+
+    @property
     def playing(self) -> dict[str, str]:
         """The motion of each group that has a layer, and `live` for each joint that follows live values."""
         return {voice.group: voice.track.motion.name for voice in self._voices if voice.goal} | self.live.following

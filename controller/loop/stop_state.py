@@ -43,6 +43,7 @@ class StopState:
     def __init__(self, phase: Phase = "running") -> None:
         self.phase: Phase = phase
         self.presses: dict[str, int] = {}  # the presses of each source since the start
+        self.total = 0  # of all sources
         self.released: dict[str, int] = {}  # how many of them resets have released
         self.pulled: set[str] = set()  # sources that are pulled now: no reset releases them
 
@@ -57,11 +58,6 @@ class StopState:
         """Whether the emergency stop is on: the joints brake for it, or are latched."""
         return self.phase == "latched" or (self.phase == "braking" and self.demanded)
 
-    @property
-    def total(self) -> int:
-        """All presses so far."""
-        return sum(self.presses.values())
-
     def press(self, source: str) -> None:
         """One press of a source."""
         self.count(source, self.presses.get(source, 0) + 1)
@@ -70,6 +66,7 @@ class StopState:
         """Takes in how often a source was pressed by its own count, which never falls; fewer are an old report."""
         if presses > self.presses.get(source, 0):
             self.presses[source] = presses
+            self.total = sum(self.presses.values())
             self._stop()
 
     def pull(self, source: str, pulled: bool) -> None:

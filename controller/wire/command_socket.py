@@ -86,6 +86,8 @@ class CommandServer:
         # Per sender a few are taken in a poll, and some more queue for the next polls.
         self._refusals = 0
         self._take()
+        if not (self._waiting or self._queued):
+            return
         share: Counter[Address] = Counter()
         for _ in range(min(limit, len(self._waiting))):
             data, sender = self._waiting.popleft()

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from copy import copy
+from math import isfinite
 
 import mujoco
 import numpy as np
@@ -157,7 +158,7 @@ class PhysicsPlayback:
             self._pushed -= 1
             if self._pushed == 0:
                 self.push(np.zeros(3))
-        broken = not np.logical_and.reduce(np.isfinite(data.qpos))
+        broken = not isfinite(data.qpos.dot(data.qpos))
         for warning in self._warnings:
             broken |= warning.number > 0
         if broken:

@@ -85,13 +85,22 @@ class JointAngles:
 
     def decode(self, channels: Array) -> Posture:
         """The postures of angles (..., J): 1 m high, at rest."""
-        leading = channels.shape[:-1]
-        rotation = np.zeros((*leading, 1 + self.channels, 4))
-        rotation[..., 0, 0] = 1.0
+        still = self._still if channels.ndim == 1 else self._standing(channels.shape[:-1])
+        rotation = still.rotation.copy()
         half = self.half_turns * channels  # as of `rotations.yaw`, in fewer calls
         np.cos(half, out=rotation[..., 1:, 0])
         np.sin(half, out=rotation[..., 1:, 3])
-        return Posture(np.ones(leading), np.zeros((*leading, 2)), np.zeros(leading), rotation)
+        return Posture(still.height, still.velocity, still.turn_rate, rotation)
+
+    def _standing(self, shape: tuple[int, ...]) -> Posture:
+        """Postures (...) at angles of 0."""
+        rotation = np.zeros((*shape, 1 + self.channels, 4))
+        rotation[..., 0, 0] = 1.0
+        return Posture(np.ones(shape), np.zeros((*shape, 2)), np.zeros(shape), rotation)
+
+    @cached_property
+    def _still(self) -> Posture:
+        return self._standing(())
 
     def directions(self, channels: Array) -> Array:
         """Directions of the bones, shape (..., J, 3)."""

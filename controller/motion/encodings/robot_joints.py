@@ -87,9 +87,9 @@ class RobotJoints(JointAngles):
         path = np.column_stack([rates, root[1:, 2], *axes])
         return np.concatenate([angles[1:], path], axis=1)
 
-    def decode(self, channels: Array) -> Posture:
-        """The postures of channels (..., C), which move with the clock."""
-        posture = super().decode(channels)
+    def _standing(self, shape: tuple[int, ...]) -> Posture:
+        """Postures (...) at angles of 0, which move with the clock."""
+        posture = super()._standing(shape)
         posture.velocity[..., 0] = CLOCK
         return posture
 
