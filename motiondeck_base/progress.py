@@ -45,7 +45,8 @@ def progress(words: str, total: int | None) -> Iterator[Tick]:
         task = bar.add_task(words, total=total)
 
         def tick(words: str | None = None) -> None:
-            bar.update(task, advance=1, description=words)
+            most = None if total is None else max(total, bar.tasks[0].completed + 1)  # where more came than expected
+            bar.update(task, advance=1, description=words, total=most)
 
         yield tick
 

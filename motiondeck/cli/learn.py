@@ -171,29 +171,20 @@ def _library(options: LearnOptions, name: str, *, and_recipe: bool = False) -> P
 
 
 def _learn_recordings(options: LearnOptions, out: Path, reading: ReadingOptions, jobs: Jobs, as_json: bool) -> str:
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-
     from controller.learning import learn as learning
     from controller.learning.recipe import recipe_text
     from controller.library.motion_library import save_library
     from motiondeck.cli.common.verdict_report import verdicts_on
     from motiondeck.cli.learn_report import report_recordings
     from motiondeck_base.files import write_file
+    from motiondeck_base.progress import progress
 
-    columns = (TextColumn("{task.description:44}"), BarColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True), disable=not sys.stderr.isatty(), transient=True) as bar:
-        task = bar.add_task("", total=2 * len(learning.recordings_in(options.what)) + 2)
-
-        def progress(step: str) -> None:
-            done = bar.tasks[0].completed  # a recording may hold more motions than one
-            bar.update(task, advance=1, description=step, total=max(bar.tasks[0].total or 0, done + 3))
-
+    with progress("", 2 * len(learning.recordings_in(options.what)) + 2) as tick:  # more where one holds more motions
         learned = learning.learn(
             options.what,
             out.stem,
             options=reading,
-            progress=progress,
+            progress=tick,
             jobs=jobs,
             accept=options.accept or [],
             plays=options.plays,

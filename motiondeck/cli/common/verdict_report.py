@@ -1,6 +1,5 @@
 """Verdicts as text: a line for each as it is made, then a table, what fails at every tempo, and what helps."""
 
-import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -22,23 +21,17 @@ def verdicts_on(robot: str | None, library: Path, names: Sequence[str]) -> list[
 
 def print_verdict(verdict: RobotVerdict) -> None:
     """Prints one line: "walk: at tempo 0.54 (held back: l_knee, 0.31 rad)"."""
-    from rich.console import Console
-
-    Console(soft_wrap=True).print(f"{verdict.name}: {verdict.words}", highlight=False, markup=False)
-    sys.stdout.flush()
+    print(f"{verdict.name}: {verdict.words}", flush=True)
 
 
 def print_verdicts(verdicts: Sequence[RobotVerdict], title: str) -> None:
     """Prints the table of motions, failures at every tempo with their remedies, and what is not judged."""
-    from rich.console import Console
-
     rows = [(one.name, _coloured(one.answer), *(_coloured(one.answer_to(q)) for q in QUESTIONS)) for one in verdicts]
     headings = ("", "verdict", *QUESTIONS)
     show_table(headings, rows, title=f"{title}: {summed(verdicts)}", left=headings)
     _print_obstacles(verdicts)
-    console = Console(soft_wrap=True, highlight=False, markup=False)
     for note in _unjudged(verdicts):
-        console.print(note)
+        print(note)
 
 
 def _coloured(words: str) -> str:
@@ -49,8 +42,6 @@ def _coloured(words: str) -> str:
 
 
 def _print_obstacles(verdicts: Sequence[RobotVerdict]) -> None:
-    from rich.console import Console
-
     blocked = [(verdict.name, finding) for verdict in verdicts for finding in verdict.obstacles]
     if not blocked:
         return
@@ -62,9 +53,8 @@ def _print_obstacles(verdicts: Sequence[RobotVerdict]) -> None:
     if not any(finding.cause for _, finding in blocked):
         headings, rows = headings[:-1], [row[:-1] for row in rows]
     show_table(headings, rows, title="failures at every tempo", left={"check", "where", "why"})
-    console = Console(soft_wrap=True, highlight=False, markup=False)
     for check in dict.fromkeys(finding.check for _, finding in blocked):
-        console.print(f"{check}: {REMEDIES[check]}.")
+        print(f"{check}: {REMEDIES[check]}.")
 
 
 def _unjudged(verdicts: Sequence[RobotVerdict]) -> Iterator[str]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -136,19 +135,15 @@ def _worse(limbs: dict[str, tuple[float, float]], segment: str) -> str:
 
 def stand(recordings: Sequence[Path], robot: Path, out: Path, format: Format, solver: Solver | None) -> list[StoodFile]:
     """Looks for each recording's motion on the robot's feet; a terminal shows how far it is."""
-    from rich.console import Console
-    from rich.progress import Progress, TextColumn, TimeElapsedColumn
-
+    from motiondeck_base.progress import progress
     from sim.physical.files import stood_files
 
-    columns = (TextColumn("{task.description}"), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True), disable=not sys.stderr.isatty(), transient=True) as bar:
-        task = bar.add_task("")
+    with progress("", None) as tick:
 
-        def progress(name: str, seconds: float) -> None:
-            bar.update(task, description=f"{name}: stands for {seconds:.1f} s")
+        def show(name: str, seconds: float) -> None:
+            tick(f"{name}: stands for {seconds:.1f} s")
 
-        return [*stood_files(robot, recordings, out, format, solver, progress=progress)]
+        return [*stood_files(robot, recordings, out, format, solver, progress=show)]
 
 
 def report_stood(rows: list[StoodFile], robot: str, out: Path, as_json: bool) -> None:
