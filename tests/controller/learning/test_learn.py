@@ -309,7 +309,7 @@ def test_the_first_motion_is_played_on_the_robot_that_is_named(folder, tmp_path,
 
 def test_a_recipe_that_may_have_been_edited_is_replaced_only_on_request(folder, tmp_path):
     out = tmp_path / "mine.safetensors"
-    out.with_suffix(".toml").write_text("# edited by hand")
+    out.with_suffix(".toml").write_text("# edited by hand\n[[motions]]")
     command = ["learn", str(folder / "swing.bvh"), "--out", str(out)]
     refused = str(invoked(*command).exception)
     assert "mine.toml exists already; give another --out, or --force" in refused
