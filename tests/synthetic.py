@@ -7,7 +7,7 @@ import msgspec
 import numpy as np
 
 from controller.learning.preparation.loops import hold_end
-from controller.learning.preparation.training_motion import TrainingMotion
+from controller.learning.preparation.training_motion import Lessons, TrainingMotion
 from controller.learning.reservoirs.conceptor_training import ConceptorRecipe, conceptor_network, load_reservoir
 from controller.learning.trainers.centralized import CentralizedRecipe
 from controller.learning.trainers.echo_state import EchoStateRecipe
@@ -15,7 +15,7 @@ from controller.learning.trainers.phase_conceptor import PhaseRecipe
 from controller.learning.trainers.phase_echo_state import PhaseEchoStateRecipe
 from controller.learning.trainers.random_feature import RandomFeatureRecipe
 from controller.learning.trainers.shared_conceptor import SharedConceptorRecipe
-from controller.learning.trainers.trainer import Lessons, trainer_of
+from controller.learning.trainers.trainer import trainer_of
 from controller.learning.training_set import TrainingSet
 from controller.library.motion_library import VERSION, LibraryInfo, MotionInfo, MotionLibrary
 from controller.motion.encodings.bone_directions import BoneDirections
@@ -136,7 +136,7 @@ def learned_once(learn):
 @learned_once
 def small_network(seed=0, recipe=SMALL_RECIPE):
     taught, normalisation = lessons()
-    return conceptor_network(load_reservoir(taught, recipe, seed), taught, normalisation, recipe)
+    return conceptor_network(load_reservoir(taught, recipe, seed), Lessons(taught, normalisation, RATE), recipe)
 
 
 @learned_once

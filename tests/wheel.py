@@ -3,7 +3,7 @@
 import numpy as np
 
 from controller.deck.lockable import Lockable
-from controller.deck.locks.lock import LoopPlace
+from controller.deck.locks.phase_lock import LoopPlace
 
 DT = 0.005
 ROUND = 0.8

@@ -11,9 +11,10 @@ import msgspec
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from controller.learning.preparation.training_motion import Lessons
 from controller.learning.recipe import LibraryRecipe
 from controller.learning.trainers.centralized import CentralizedRecipe
-from controller.learning.trainers.trainer import Lessons, trainer_of
+from controller.learning.trainers.trainer import trainer_of
 from controller.learning.training_set import TrainingSet
 from controller.networks.base import AnyNetwork
 

@@ -25,9 +25,8 @@ from threadpoolctl import threadpool_limits
 
 from benchmarks import command
 from controller.learning.preparation.cycles import aligned_cycles, person_variants, phase_lag
-from controller.learning.preparation.training_motion import TrainingMotion, Variant
+from controller.learning.preparation.training_motion import Lessons, TrainingMotion, Variant
 from controller.learning.trainers.phase_conceptor import TRAINER, PhaseRecipe
-from controller.learning.trainers.trainer import Lessons
 from controller.motion.canonical.canonical_body import carried, to_canonical
 from controller.motion.canonical.clip_edits import resampled
 from controller.motion.encodings.encoding import Encoding, encoding_of

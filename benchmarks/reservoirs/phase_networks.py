@@ -39,13 +39,14 @@ from controller.deck.tracks.frame_player import FramePlayer
 from controller.learning.evaluation.failure_rates import wilson
 from controller.learning.measures.disturbance import disturbed
 from controller.learning.measures.self_test import Judge, after_disturbance, self_test
+from controller.learning.preparation.training_motion import Lessons
 from controller.learning.recipe import MotionRecipe, NetworkRecipe, read_recipe
 from controller.learning.reservoirs.conceptor_training import ConceptorRecipe
 from controller.learning.trainers.echo_state import EchoStateRecipe
 from controller.learning.trainers.phase_conceptor import PhaseRecipe
 from controller.learning.trainers.phase_echo_state import PhaseEchoStateRecipe
 from controller.learning.trainers.shared_conceptor import SharedConceptorRecipe
-from controller.learning.trainers.trainer import Lessons, trainer_of
+from controller.learning.trainers.trainer import trainer_of
 from controller.learning.training_set import TrainingSet, prepare, to_learn
 from controller.motion.encodings.encoding import encoding_of
 from controller.motion.formats.reading import read_clip

@@ -19,7 +19,6 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 import typer
-from controller.motion.posture import Pose
 
 from benchmarks.command import run
 from controller.deck.deck import Deck
@@ -27,6 +26,7 @@ from controller.deck.layers import Layers
 from controller.library.motion_library import MotionLibrary, load_library
 from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.motion.rotations import Array
+from controller.motion.skeleton import Pose
 from motiondeck.run.robots.walk_choice import able_to_walk
 from motiondeck_base.shipped import find_library, find_robot
 from sim.models.robot_file import read_robot_file

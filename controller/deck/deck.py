@@ -12,7 +12,7 @@ from controller.deck.interfaces import Retargeter
 from controller.deck.joins.joining import Joining
 from controller.deck.layers import OFF, Layers
 from controller.deck.lockable import Lockable
-from controller.deck.locks.lock import LoopPlace
+from controller.deck.locks.phase_lock import LoopPlace
 from controller.deck.performance import Performance
 from controller.deck.routes import Routes
 from controller.deck.switch import CommandedSwitch

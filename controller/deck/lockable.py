@@ -4,8 +4,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 
 from controller.deck.locks.body_lock import BodyLock, Measured
-from controller.deck.locks.lock import Lock, LoopPlace
-from controller.deck.locks.phase_lock import PhaseLock
+from controller.deck.locks.phase_lock import Lock, LoopPlace, PhaseLock
 from controller.deck.locks.references import Beats, Leader, OtherDeck
 from controller.deck.tempo import TEMPO_RATE, Paced
 from controller.motion.rotations import Array

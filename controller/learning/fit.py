@@ -12,9 +12,10 @@ from threadpoolctl import threadpool_limits
 from controller.learning.measures.disturbance import stress_test, with_trials
 from controller.learning.measures.recording_errors import recorded_part, recording_error
 from controller.learning.measures.self_test import Judge, MotionVerdict, self_test
+from controller.learning.preparation.training_motion import Lessons
 from controller.learning.recipe import LibraryRecipe, MotionRecipe, NetworkRecipe, recipe_of
 from controller.learning.recording_analysis import find_skeleton
-from controller.learning.trainers.trainer import Lessons, kind_of, nrmse, trainer_of
+from controller.learning.trainers.trainer import kind_of, nrmse, trainer_of
 from controller.learning.training_set import Progress, Recorded, TrainingSet, prepare, read_motion, to_learn
 from controller.library.motion_library import VERSION, LibraryInfo, MotionInfo, MotionLibrary
 from controller.motion.clip import AS_FOUND

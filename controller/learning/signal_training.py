@@ -8,10 +8,10 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 from controller.learning.measures import self_test
-from controller.learning.preparation.training_motion import TrainingMotion
+from controller.learning.preparation.training_motion import Lessons, TrainingMotion
 from controller.learning.recipe import NetworkRecipe, require_sizes
 from controller.learning.reservoirs.conceptor_training import ConceptorRecipe, load_reservoir
-from controller.learning.trainers.trainer import Lessons, trainer_of
+from controller.learning.trainers.trainer import trainer_of
 from controller.motion.encodings.normalisation import Normalisation
 from controller.motion.rotations import Array
 from controller.networks.base import AnyNetwork, FrameNetwork

@@ -13,9 +13,9 @@ from controller.learning.measures.self_test import Judge
 from controller.learning.preparation.cycles import aligned_cycles, person_variants
 from controller.learning.preparation.loops import best_seam, close_loop, hold_end, in_place, pinned
 from controller.learning.preparation.takes import read_takes
-from controller.learning.preparation.training_motion import MotionsOnDemand, TrainingMotion, Variant
+from controller.learning.preparation.training_motion import Lessons, MotionsOnDemand, TrainingMotion, Variant
 from controller.learning.recipe import LibraryRecipe, MotionRecipe, find_recording
-from controller.learning.trainers.trainer import Lessons, trainer_of
+from controller.learning.trainers.trainer import trainer_of
 from controller.motion.canonical.actors import Actor, actors_of, nearest_to_all
 from controller.motion.canonical.canonical_body import carried, on_bones_of
 from controller.motion.canonical.clip_edits import jumps, mirrored, resampled, span, spikes

@@ -24,7 +24,7 @@ from typing import NamedTuple
 import numpy as np
 
 from controller.deck.interfaces import JointLimits
-from controller.deck.locks.lock import LoopPlace
+from controller.deck.locks.phase_lock import LoopPlace
 from controller.loop.lead import Delay
 from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.motion.rotations import Array, Flags, Indices

@@ -17,10 +17,9 @@ from threadpoolctl import threadpool_limits
 
 from controller.loop.clock import Clock
 from controller.loop.correction import Correction
-from controller.loop.fault_counter import FaultCounter
 from controller.loop.histogram import DurationHistogram, Percentiles
 from controller.loop.lead import Lead
-from controller.loop.output_channel import Channel
+from controller.loop.output_channel import Channel, FaultCounter
 from controller.loop.run_phases import Player, Source, safe_targets
 from controller.loop.safety.pace import Pace
 from controller.loop.safety.safety_envelope import SafetyEnvelope

@@ -1,6 +1,8 @@
 """A channel: one output of the loop, the ticks in which it is served, and its faults."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import ParamSpec
 
 from controller.deck.interfaces import Output
 from controller.motion.rotations import Array
@@ -82,3 +84,33 @@ class Channel:
         self._failed = True
         self.faults += 1
         self.fault = in_words(error)
+
+
+P = ParamSpec("P")
+
+FAULTS_TO_GIVE_UP = 20
+
+
+@dataclass
+class FaultCounter:
+    """The faults of one kind of call."""
+
+    faults: int = 0
+    fault: str = ""
+    given_up: bool = False  # whether the last `most` calls have all raised; no further one is made
+    most: int = FAULTS_TO_GIVE_UP
+    _in_a_row: int = 0
+
+    def call(self, action: Callable[P, None], *args: P.args, **kwargs: P.kwargs) -> None:
+        """Calls the action and counts what it raises, unless given up."""
+        if self.given_up:
+            return
+        try:
+            action(*args, **kwargs)
+        except Exception as error:
+            self.faults += 1
+            self._in_a_row += 1
+            self.given_up = self._in_a_row >= self.most
+            self.fault = in_words(error)
+        else:
+            self._in_a_row = 0

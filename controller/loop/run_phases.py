@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from controller.loop.correction import Correction
-from controller.loop.fault_counter import FaultCounter
+from controller.loop.output_channel import FaultCounter
 from controller.loop.safety.approach import Approach
 from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.loop.stop_requests import StopRequest

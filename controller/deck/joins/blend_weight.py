@@ -12,23 +12,12 @@ from controller.networks.centralized.centralized import Passage
 class Weights(ABC):
     """The weights of motions that run side by side, on their way to their goals."""
 
-    @property
-    @abstractmethod
-    def values(self) -> tuple[float, ...]:
-        """The present weights, which sum to 1."""
-
-    @property
-    @abstractmethod
-    def changing(self) -> bool:
-        """Whether they have not reached their goals."""
+    values: tuple[float, ...] = (1.0, 0.0)  # the present weights, which sum to 1
+    changing = True  # whether they have not reached their goals
 
     @abstractmethod
-    def _advance(self, dt: float) -> None: ...
-
     def advance(self, dt: float) -> tuple[float, ...]:
         """The weights dt seconds later."""
-        self._advance(dt)
-        return self.values
 
 
 class Ramps(Weights):
@@ -37,20 +26,15 @@ class Ramps(Weights):
     def __init__(self, start: Sequence[float], goal: Sequence[float], seconds: float) -> None:
         self._ends, self._seconds = tuple(zip(start, goal, strict=True)), max(seconds, 1e-9)
         self._elapsed = 0.0
+        self.advance(0.0)
 
-    @property
-    def values(self) -> tuple[float, ...]:
-        """The present weights."""
-        share = rise(min(1.0, self._elapsed / self._seconds))
-        return tuple((1.0 - share) * start + share * goal for start, goal in self._ends)
-
-    @property
-    def changing(self) -> bool:
-        """Whether they have not reached their goals."""
-        return self._elapsed < self._seconds
-
-    def _advance(self, dt: float) -> None:
+    def advance(self, dt: float) -> tuple[float, ...]:
+        """The weights dt seconds later."""
         self._elapsed += dt
+        share = rise(min(1.0, self._elapsed / self._seconds))
+        self.values = tuple((1.0 - share) * start + share * goal for start, goal in self._ends)
+        self.changing = self._elapsed < self._seconds
+        return self.values
 
 
 class Crossing(Weights):
@@ -65,25 +49,18 @@ class Crossing(Weights):
         """Whether no duration is within the limits."""
         return self._search.found and self._search.seconds is None
 
-    @property
-    def values(self) -> tuple[float, ...]:
-        """The present weights of both motions."""
-        seconds = self._search.seconds
-        weight = rise(min(1.0, self._elapsed / seconds)) if seconds is not None else 0.0
-        return 1.0 - weight, weight
-
-    @property
-    def changing(self) -> bool:
-        """Whether the second motion has not taken over."""
-        return self._search.seconds is None or self._elapsed < self._search.seconds
-
-    def _advance(self, dt: float) -> None:
-        if self._search.seconds is None:
-            self._search.advance(dt)
-            if self._search.seconds is None:
-                return
-            self._begin(self._search.sides)
+    def advance(self, dt: float) -> tuple[float, ...]:
+        """The weights dt seconds later; the first motion has all until the duration is found."""
+        search = self._search
+        if search.seconds is None:
+            search.advance(dt)
+            if search.seconds is None:
+                return self.values
+            self._begin(search.sides)
         self._elapsed += dt
+        weight = rise(min(1.0, self._elapsed / search.seconds))
+        self.values, self.changing = (1.0 - weight, weight), self._elapsed < search.seconds
+        return self.values
 
 
 class ModuleTakeOver(Weights):
@@ -93,18 +70,11 @@ class ModuleTakeOver(Weights):
         self._passage = Passage(motions)
         self._passage.module.reset(source)
         self._passage.begin(target)
-        self._changing = True
+        self.values = 1.0 - self._passage.share, self._passage.share
 
-    @property
-    def values(self) -> tuple[float, ...]:
-        """The present weights of both motions."""
-        weight = self._passage.share if self._changing else 1.0
-        return 1.0 - weight, weight
-
-    @property
-    def changing(self) -> bool:
-        """Whether the second motion has not taken over."""
-        return self._changing
-
-    def _advance(self, dt: float) -> None:
-        self._changing = self._changing and self._passage.advance(dt)
+    def advance(self, dt: float) -> tuple[float, ...]:
+        """The weights dt seconds later."""
+        self.changing = self.changing and self._passage.advance(dt)
+        weight = self._passage.share if self.changing else 1.0
+        self.values = 1.0 - weight, weight
+        return self.values

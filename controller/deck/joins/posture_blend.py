@@ -84,11 +84,10 @@ def smooth_headings(turn_rate: Array, dt: float) -> tuple[Array, Array]:
     The hips turn at these rates at moments dt seconds apart, shape (S,), rad/s.
     """
     hips: list[float] = turn_rate.tolist()
-    offset, rate, seen = 0.0, hips[0], [(0.0, hips[0])]
+    smooth, seen = SmoothHeading(hips[0]), [(0.0, hips[0])]
     for turn in hips[1:]:
-        rate += (HEADING_RATE**2 * offset + 2.0 * HEADING_RATE * (turn - rate)) * dt
-        offset += (turn - rate) * dt
-        seen.append((offset, rate))
+        smooth.advance(turn, dt)
+        seen.append((smooth.offset, smooth.rate))
     offsets, rates = np.array(seen).T
     return offsets, rates
 

@@ -15,7 +15,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from controller.deck.locks.lock import LoopPlace, Steering
+from controller.deck.locks.phase_lock import LoopPlace, Steering
 from controller.motion.rotations import Array
 from controller.wire.messages.arguments import TEMPO
 from controller.wire.messages.lock_state import LockStage, LockState

@@ -5,8 +5,7 @@ from collections.abc import Callable
 from typing import Literal
 
 from controller.deck.locks.beat_clock import BeatClock
-from controller.deck.locks.lock import LoopPlace
-from controller.deck.locks.phase_lock import Reference, wrapped
+from controller.deck.locks.phase_lock import LoopPlace, Reference, wrapped
 from controller.wire.leader_link import Sighting
 
 STEADY_BEATS = 4  # beats after which the period counts as known

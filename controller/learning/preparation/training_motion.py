@@ -6,6 +6,7 @@ from typing import overload
 
 import numpy as np
 
+from controller.motion.encodings.normalisation import Normalisation
 from controller.motion.rotations import Array
 from controller.networks.driving_input import DrivingInput
 
@@ -38,6 +39,15 @@ class TrainingMotion:
             repeats = -(-washout // len(self.frames))
             return np.concatenate([self.frames] * repeats)[len(self.frames) * repeats - washout :]
         return np.repeat(self.frames[:1], washout, axis=0)
+
+
+@dataclass(frozen=True)
+class Lessons:
+    """The motions that a network learns."""
+
+    motions: Sequence[TrainingMotion]  # normalised
+    normalisation: Normalisation  # between their channels and the encoding's units
+    rate: float  # frames per second, Hz
 
 
 class MotionsOnDemand(Sequence[TrainingMotion]):

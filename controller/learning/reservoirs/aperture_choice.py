@@ -9,13 +9,13 @@ of the free-running network is least in between (Jaeger 2014, section 3.8.5). It
 a disturbance, so every choice is tested: run free, started from noise, and disturbed.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable
 
 import numpy as np
 
 from controller.learning.measures.disturbance import Kind, failures
 from controller.learning.measures.self_test import Judge
-from controller.learning.preparation.training_motion import TrainingMotion
+from controller.learning.preparation.training_motion import Lessons, TrainingMotion
 from controller.learning.reservoirs.conceptor_training import (
     ConceptorRecipe,
     LoadedReservoir,
@@ -25,7 +25,6 @@ from controller.learning.reservoirs.conceptor_training import (
     mean_state,
     principal_directions,
 )
-from controller.motion.encodings.normalisation import Normalisation
 from controller.motion.rotations import Array
 from controller.networks.conceptor.network import ConceptorNetwork
 
@@ -39,54 +38,42 @@ LOOP: tuple[Kind, ...] = ("robustness", "stability")
 
 
 def settled_network(
-    loaded: LoadedReservoir,
-    to_learn: Sequence[TrainingMotion],
-    normalisation: Normalisation,
-    recipe: ConceptorRecipe,
-    judge: Judge,
-    seed: int,
+    loaded: LoadedReservoir, lessons: Lessons, recipe: ConceptorRecipe, judge: Judge, seed: int
 ) -> tuple[ConceptorNetwork, dict[str, int]]:
     """The network of a loaded reservoir, and the failed trials of each motion if the recipe chooses apertures."""
     # A motion that fails a trial gets the first aperture with which it passes all, else that with the fewest failures.
     # Then all are cut to the rank that the recipe's tolerance allows, if it has one, and tested again.
-    network, failed = conceptor_network(loaded, to_learn, normalisation, recipe), {}
+    network, failed = conceptor_network(loaded, lessons, recipe), {}
+    weights = loaded.weights.astype(np.float32)
+
+    def failures_of(network: ConceptorNetwork, motion: TrainingMotion) -> int:
+        return failures(network, motion.name, LOOP if motion.loop else (), judge, seed, weights)
+
     if recipe.choose_apertures:
-        network, failed = _tried(network, loaded, to_learn, normalisation, recipe, judge, seed)
+        network, failed = _tried(network, loaded, lessons, recipe, failures_of)
     if recipe.rank_tolerance_mm is not None:
         network = cut_to_tolerance(network, judge.encoding, recipe.rank_tolerance_mm)
         if failed:
             # The trials were those of the uncut conceptors.
-            weights = loaded.weights.astype(np.float32)
-            failed = {
-                motion.name: failures(network, motion.name, _survives(motion), judge, seed, weights)
-                for motion in to_learn
-            }
+            failed = {motion.name: failures_of(network, motion) for motion in lessons.motions}
     return network, failed
-
-
-def _survives(motion: TrainingMotion) -> tuple[Kind, ...]:
-    return LOOP if motion.loop else ()
 
 
 def _tried(
     network: ConceptorNetwork,
     loaded: LoadedReservoir,
-    to_learn: Sequence[TrainingMotion],
-    normalisation: Normalisation,
+    lessons: Lessons,
     recipe: ConceptorRecipe,
-    judge: Judge,
-    seed: int,
+    failures_of: Callable[[ConceptorNetwork, TrainingMotion], int],
 ) -> tuple[ConceptorNetwork, dict[str, int]]:
-    weights = loaded.weights.astype(np.float32)
     motions = {name: network[name] for name in network.motions}
     left: dict[str, int] = {}
-    for motion, states in zip(to_learn, loaded.states, strict=True):
-        kinds = _survives(motion)
-        fewest = failures(network, motion.name, kinds, judge, seed, weights)
+    for motion, states in zip(lessons.motions, loaded.states, strict=True):
+        fewest = failures_of(network, motion)
         named = motion.name in recipe.apertures
         for aperture in [] if named or fewest == 0 else by_attenuation(states, loaded, recipe):
-            part = conceptor_motion(states, loaded, normalisation, recipe, aperture)
-            failed = failures(ConceptorNetwork({motion.name: part}), motion.name, kinds, judge, seed, weights)
+            part = conceptor_motion(states, loaded, lessons.normalisation, recipe, aperture)
+            failed = failures_of(ConceptorNetwork({motion.name: part}), motion)
             if failed < fewest:
                 fewest, motions[motion.name] = failed, part
             if fewest == 0:

@@ -15,7 +15,7 @@ import msgspec
 import numpy as np
 from scipy.linalg import eigh
 
-from controller.learning.preparation.training_motion import TrainingMotion
+from controller.learning.preparation.training_motion import Lessons, TrainingMotion
 from controller.motion.encodings.encoding import Encoding
 from controller.motion.encodings.motion_matching import joint_features
 from controller.motion.encodings.normalisation import Normalisation
@@ -90,16 +90,12 @@ def input_targets(reservoir: Reservoir, before: Array, inputs: Array) -> Array:
     return before @ reservoir.weights.T + inputs @ reservoir.input_weights.T
 
 
-def conceptor_network(
-    loaded: LoadedReservoir, to_learn: Sequence[TrainingMotion], normalisation: Normalisation, recipe: ConceptorRecipe
-) -> ConceptorNetwork:
+def conceptor_network(loaded: LoadedReservoir, lessons: Lessons, recipe: ConceptorRecipe) -> ConceptorNetwork:
     """The network of all motions of a loaded reservoir."""
-    motions = {
-        motion.name: conceptor_motion(
-            states, loaded, normalisation, recipe, recipe.apertures.get(motion.name, recipe.aperture)
-        )
-        for motion, states in zip(to_learn, loaded.states, strict=True)
-    }
+    normalisation, motions = lessons.normalisation, {}
+    for motion, states in zip(lessons.motions, loaded.states, strict=True):
+        aperture = recipe.apertures.get(motion.name, recipe.aperture)
+        motions[motion.name] = conceptor_motion(states, loaded, normalisation, recipe, aperture)
     if loaded.estimate is None:
         return ConceptorNetwork(motions)
     means = np.stack([mean_state(states, recipe) for states in loaded.states])

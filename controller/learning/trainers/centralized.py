@@ -6,8 +6,8 @@ import msgspec
 import numpy as np
 
 from controller.learning.centralized.motion_training import CENTERS, SATELLITES, Rank, score_models, train_centralized
-from controller.learning.preparation.training_motion import TrainingMotion
-from controller.learning.trainers.trainer import Lessons, NewMotion, Trainer, mabs, nrmse
+from controller.learning.preparation.training_motion import Lessons, TrainingMotion
+from controller.learning.trainers.trainer import NewMotion, Trainer, mabs, nrmse
 from controller.motion.encodings.normalisation import Normalisation
 from controller.motion.rotations import Array
 from controller.networks.centralized.network import ANCHOR_EVERY, CentralizedNetwork

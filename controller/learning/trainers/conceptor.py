@@ -5,6 +5,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from controller.learning.measures.self_test import Judge
+from controller.learning.preparation.training_motion import Lessons
 from controller.learning.reservoirs.aperture_choice import settled_network
 from controller.learning.reservoirs.conceptor_training import (
     ConceptorRecipe,
@@ -14,7 +15,7 @@ from controller.learning.reservoirs.conceptor_training import (
     load_reservoir,
 )
 from controller.learning.reservoirs.incremental_loading import load_one_more, memory_of, quota
-from controller.learning.trainers.trainer import Lessons, NewMotion, SettledNetwork, Trainer, TrainingError, mabs, nrmse
+from controller.learning.trainers.trainer import NewMotion, SettledNetwork, Trainer, TrainingError, mabs, nrmse
 from controller.motion.rotations import Array
 from controller.networks.conceptor.network import ConceptorNetwork
 from controller.networks.ridge import ridge
@@ -35,11 +36,11 @@ class ConceptorTrainer(Trainer[ConceptorRecipe]):
 
     def train(self, recipe: ConceptorRecipe, lessons: Lessons, seed: int) -> ConceptorNetwork:
         loaded = load_reservoir(lessons.motions, recipe, seed)
-        return conceptor_network(loaded, lessons.motions, lessons.normalisation, recipe)
+        return conceptor_network(loaded, lessons, recipe)
 
     def settle(self, recipe: ConceptorRecipe, lessons: Lessons, seed: int, judge: Judge) -> SettledNetwork:
         loaded = load_reservoir(lessons.motions, recipe, seed)
-        chosen = settled_network(loaded, lessons.motions, lessons.normalisation, recipe, judge, seed)
+        chosen = settled_network(loaded, lessons, recipe, judge, seed)
         return SettledNetwork(*chosen, loaded.weights.astype(np.float32))
 
     def quota(self, recipe: ConceptorRecipe, network: ConceptorNetwork, lengths: dict[str, int]) -> float:
@@ -64,7 +65,7 @@ class ConceptorTrainer(Trainer[ConceptorRecipe]):
     ) -> TrainingError:
         """Trains and measures the one readout of all motions, and W where it was learned in full."""
         loaded = load_reservoir(lessons.motions, recipe, seed)
-        network, _ = settled_network(loaded, lessons.motions, lessons.normalisation, recipe, judge, seed)
+        network, _ = settled_network(loaded, lessons, recipe, judge, seed)
         states = np.concatenate(loaded.states)
         inputs = np.concatenate([lesson.frames for lesson in lessons.motions])
         readout, targets = loaded.readout, inputs

@@ -14,8 +14,8 @@ import numpy as np
 
 from controller.learning.measures.disturbance import Kind, failures
 from controller.learning.measures.self_test import Judge
-from controller.learning.preparation.training_motion import TrainingMotion
-from controller.learning.trainers.trainer import Lessons, NewMotion, SettledNetwork, Trainer
+from controller.learning.preparation.training_motion import Lessons, TrainingMotion
+from controller.learning.trainers.trainer import NewMotion, SettledNetwork, Trainer
 from controller.motion.rotations import Array
 from controller.networks.echo_state.network import EchoStateMotion, EchoStateNetwork
 from controller.networks.reservoirs.reservoir import Floats, Reservoir, drive, random_reservoir

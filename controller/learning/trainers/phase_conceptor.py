@@ -22,9 +22,7 @@ from controller.learning.trainers.phase_driven import (
     PhaseDrivenRecipe,
     affine_ridge,
     course_of,
-    with_readouts,
 )
-from controller.motion.encodings.normalisation import Normalisation
 from controller.motion.rotations import Array, Indices
 from controller.networks.phase_conceptor.network import (
     Float16,
@@ -150,21 +148,15 @@ class PhaseConceptorTrainer(MotionByMotionTrainer[PhaseRecipe]):
         )
     )
 
-    def learn(
-        self,
-        recipe: PhaseRecipe,
-        motion: TrainingMotion,
-        reservoir: PhaseReservoir,
-        normalisation: Normalisation,
-        rate: float,
+    def unread(
+        self, recipe: PhaseRecipe, motion: TrainingMotion, reservoir: PhaseReservoir, rate: float
     ) -> PhaseConceptorMotion:
         course = course_of(motion, recipe.piece_seconds * rate)
         pieces = [_learn_piece(lesson, recipe) for lesson in piece_lessons(motion, course, reservoir, rate)]
         stored = StoredPieces(
             *(np.concatenate([getattr(piece, field.name) for piece in pieces]) for field in fields(StoredPieces))
         )
-        unread = PhaseConceptorMotion(stored, course, reservoir, motion.driving)
-        return with_readouts(unread, motion, normalisation, recipe.ridge)
+        return PhaseConceptorMotion(stored, course, reservoir, motion.driving)
 
 
 TRAINER = PhaseConceptorTrainer()

@@ -13,8 +13,8 @@ import msgspec
 import numpy as np
 
 from controller.learning.measures.self_test import Judge, self_test
-from controller.learning.preparation.training_motion import TrainingMotion
-from controller.learning.trainers.trainer import Lessons, NewMotion, Trainer, mabs
+from controller.learning.preparation.training_motion import Lessons, TrainingMotion
+from controller.learning.trainers.trainer import NewMotion, Trainer, mabs
 from controller.motion.encodings.normalisation import Normalisation
 from controller.motion.rotations import Array, Indices
 from controller.networks.reservoirs.phase_driven import PhaseDrivenNetwork, PhaseMotion
@@ -174,15 +174,14 @@ class MotionByMotionTrainer(PhaseDrivenTrainer[Recipe]):
     """Learns each motion for itself, its readouts from the settled states of the network."""
 
     @abstractmethod
+    def unread(self, recipe: Recipe, motion: TrainingMotion, reservoir: PhaseReservoir, rate: float) -> PhaseMotion:
+        """One motion in a reservoir, before its readouts are learned; `rate` in Hz."""
+
     def learn(
-        self,
-        recipe: Recipe,
-        motion: TrainingMotion,
-        reservoir: PhaseReservoir,
-        normalisation: Normalisation,
-        rate: float,
+        self, recipe: Recipe, one: TrainingMotion, reservoir: PhaseReservoir, normalisation: Normalisation, rate: float
     ) -> PhaseMotion:
         """One motion in a reservoir; `rate` in Hz."""
+        return with_readouts(self.unread(recipe, one, reservoir, rate), one, normalisation, recipe.ridge)
 
     def train(self, recipe: Recipe, lessons: Lessons, seed: int) -> PhaseDrivenNetwork[Any]:
         to_learn, normalisation = lessons.motions, lessons.normalisation

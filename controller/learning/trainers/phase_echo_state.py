@@ -6,8 +6,7 @@ The channels are not fed back, so the states in playing are known before trainin
 import numpy as np
 
 from controller.learning.preparation.training_motion import TrainingMotion
-from controller.learning.trainers.phase_driven import MotionByMotionTrainer, PhaseDrivenRecipe, course_of, with_readouts
-from controller.motion.encodings.normalisation import Normalisation
+from controller.learning.trainers.phase_driven import MotionByMotionTrainer, PhaseDrivenRecipe, course_of
 from controller.networks.phase_echo_state.network import PhaseEchoStateMotion, PhaseEchoStateNetwork, StoredReadouts
 from controller.networks.reservoirs.phase_reservoir import PhaseReservoir
 
@@ -28,19 +27,13 @@ class PhaseEchoStateTrainer(MotionByMotionTrainer[PhaseEchoStateRecipe]):
     plays = PhaseEchoStateNetwork
     sizes = tuple({"neurons": neurons} for neurons in (20, 28, 40, 55, 75, 100, 140, 200, 280, 400))
 
-    def learn(
-        self,
-        recipe: PhaseEchoStateRecipe,
-        motion: TrainingMotion,
-        reservoir: PhaseReservoir,
-        normalisation: Normalisation,
-        rate: float,
+    def unread(
+        self, recipe: PhaseEchoStateRecipe, motion: TrainingMotion, reservoir: PhaseReservoir, rate: float
     ) -> PhaseEchoStateMotion:
         course = course_of(motion, recipe.piece_seconds * rate)
         shape = (int(course.piece[-1]) + 1, motion.frames.shape[1], recipe.neurons + 1)
         stored = StoredReadouts(np.zeros(shape, dtype=np.float32))
-        unread = PhaseEchoStateMotion(stored, course, reservoir, motion.driving)
-        return with_readouts(unread, motion, normalisation, recipe.ridge)
+        return PhaseEchoStateMotion(stored, course, reservoir, motion.driving)
 
 
 TRAINER = PhaseEchoStateTrainer()

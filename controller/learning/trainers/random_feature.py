@@ -19,8 +19,8 @@ import msgspec
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
-from controller.learning.preparation.training_motion import TrainingMotion
-from controller.learning.trainers.trainer import Lessons, Trainer, mabs
+from controller.learning.preparation.training_motion import Lessons, TrainingMotion
+from controller.learning.trainers.trainer import Trainer, mabs
 from controller.motion.rotations import Array
 from controller.networks.random_feature.network import FeatureMotion, FeatureReservoir, Float32, RandomFeatureNetwork
 from controller.networks.reservoirs.reservoir import largest_eigenvalue

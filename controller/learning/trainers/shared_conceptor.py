@@ -12,19 +12,14 @@ from typing import Literal
 
 import numpy as np
 
-from controller.learning.preparation.training_motion import TrainingMotion
+from controller.learning.preparation.training_motion import Lessons, TrainingMotion
 from controller.learning.trainers.phase_conceptor import PhaseRecipe, conceptor_of, piece_lessons
 from controller.learning.trainers.phase_driven import PhaseDrivenTrainer, course_of, learn_readouts, settled_lesson
-from controller.learning.trainers.trainer import Lessons
 from controller.motion.encodings.normalisation import Normalisation
 from controller.motion.rotations import Array
 from controller.networks.phase_conceptor.network import Float16, PhaseConceptorMotion
 from controller.networks.reservoirs.phase_reservoir import Float32, PhaseCourse, PhaseReservoir
-from controller.networks.shared_conceptor.network import (
-    Selection,
-    SharedConceptorMotion,
-    SharedConceptorNetwork,
-)
+from controller.networks.shared_conceptor.network import Selection, SharedConceptorMotion, SharedConceptorNetwork
 
 
 class SharedConceptorRecipe(PhaseRecipe, frozen=True, kw_only=True, tag="shared-conceptor"):

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.learning.measures.self_test import Judge
-from controller.learning.preparation.training_motion import TrainingMotion
+from controller.learning.preparation.training_motion import Lessons, TrainingMotion
 from controller.motion.encodings.encoding import Encoding
 from controller.motion.encodings.normalisation import Normalisation
 from controller.motion.rotations import Array
@@ -61,15 +61,6 @@ class NetworkRecipe(Protocol):
 
 
 Recipe = TypeVar("Recipe", bound=NetworkRecipe)
-
-
-@dataclass(frozen=True)
-class Lessons:
-    """The motions that a network learns."""
-
-    motions: Sequence[TrainingMotion]  # normalised
-    normalisation: Normalisation  # between their channels and the encoding's units
-    rate: float  # frames per second, Hz
 
 
 @dataclass(frozen=True)

@@ -220,7 +220,7 @@ def _mirror_signs(file: Path | None) -> dict[str, int]:
         from hardware.rig.rig_file import load_rig
 
         return {joint.name: joint.mirror for joint in load_rig(file).joints if joint.mirror is not None}
-    from sim.models.mirror import mirror_signs
+    from sim.models.kinematic_tree import mirror_signs
 
     return mirror_signs(file)
 

@@ -12,7 +12,7 @@ from bodies import waving
 from controller.learning.adding import add_motion
 from controller.learning.fit import fit_prepared
 from controller.learning.measures.self_test import run_free
-from controller.learning.preparation.training_motion import TrainingMotion
+from controller.learning.preparation.training_motion import Lessons, TrainingMotion
 from controller.learning.recipe import LibraryRecipe, MotionRecipe
 from controller.learning.reservoirs.conceptor_training import conceptor_network, load_reservoir
 from controller.learning.reservoirs.incremental_loading import load_one_more, quota
@@ -179,7 +179,8 @@ def test_loading_one_more_is_as_good_as_learning_all_together():
     new = TrainingMotion("skip", normalisation.apply(skip()), True)
     plan = synthetic.SMALL_RECIPE
     grown = load_one_more(synthetic.small_network(), LENGTHS, new, plan, 0)
-    together = conceptor_network(load_reservoir([*lessons, new], plan, 0), [*lessons, new], normalisation, plan)
+    taught = Lessons([*lessons, new], normalisation, synthetic.RATE)
+    together = conceptor_network(load_reservoir(taught.motions, plan, 0), taught, plan)
     # The weights of one and the other differ only in directions that no motion uses.
     assert grown.memory is not None
     assert together.memory is not None

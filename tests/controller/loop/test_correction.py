@@ -7,7 +7,7 @@ import pytest
 
 from benchmarks.simulated_time import VirtualClock
 from controller.deck.interfaces import JointLimits
-from controller.deck.locks.lock import LoopPlace
+from controller.deck.locks.phase_lock import LoopPlace
 from controller.loop.correction import LARGEST, Correction
 from controller.loop.lead import Lead
 from controller.loop.loop import run

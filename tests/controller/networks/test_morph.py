@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 import synthetic
+from controller.learning.preparation.training_motion import Lessons
 from controller.learning.reservoirs.conceptor_training import ConceptorRecipe, conceptor_network, load_reservoir
 from controller.learning.trainers.echo_state import EchoStateRecipe
 from controller.networks.conceptor.network import ConceptorNetwork
@@ -55,7 +56,7 @@ def test_low_rank_morphing_is_the_equation_of_the_thesis():
     """x(n+1) = (mu C_j + (1 - mu) C_i) tanh(W x(n) + b) with dense matrices, outside [0, 1] as well."""
     lessons, normalisation = synthetic.lessons()
     loaded = load_reservoir(lessons, PLAIN, 1)
-    network = conceptor_network(loaded, lessons, normalisation, PLAIN)
+    network = conceptor_network(loaded, Lessons(lessons, normalisation, synthetic.RATE), PLAIN)
     network.cue("march", 0)
 
     def matrix(name):

@@ -6,10 +6,10 @@ from controller.learning.evaluation.evaluation import training_error
 from controller.learning.fit import TrainedNetwork, first_to_pass
 from controller.learning.measures.disturbance import FREE_RUN, failures, with_trials
 from controller.learning.measures.self_test import MotionVerdict
+from controller.learning.preparation.training_motion import Lessons
 from controller.learning.recipe import LibraryRecipe, MotionRecipe
 from controller.learning.trainers import echo_state
 from controller.learning.trainers.echo_state import FACTORS, TRAINER, EchoStateRecipe
-from controller.learning.trainers.trainer import Lessons
 
 RECIPE = EchoStateRecipe(neurons=120, washout=60, choose_noise=True)
 

@@ -5,9 +5,9 @@ import pytest
 import synthetic
 from controller.learning.fit import settle
 from controller.learning.measures.self_test import run_free, self_test
+from controller.learning.preparation.training_motion import Lessons
 from controller.learning.recipe import read_recipe
 from controller.learning.reservoirs.conceptor_training import cut, cut_to_tolerance, off_mm, rank_within
-from controller.learning.trainers.trainer import Lessons
 from controller.motion.encodings.motion_matching import joint_features
 from controller.networks.conceptor.network import ConceptorNetwork
 from motiondeck_base.errors import FileFormatError

@@ -5,9 +5,9 @@ import pytest
 
 import synthetic
 from controller.learning.measures.self_test import self_test
+from controller.learning.preparation.training_motion import Lessons
 from controller.learning.trainers.phase_conceptor import PhaseConceptorTrainer
 from controller.learning.trainers.phase_echo_state import PhaseEchoStateTrainer
-from controller.learning.trainers.trainer import Lessons
 
 
 class Conceptors(PhaseConceptorTrainer):

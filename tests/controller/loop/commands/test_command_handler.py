@@ -15,7 +15,7 @@ from command_strategies import commands
 from controller.loop.commands import commanded_run
 from controller.loop.commands.command_handler import CommandHandler
 from controller.loop.commands.commanded_run import CommandedRun
-from controller.loop.fault_counter import FaultCounter
+from controller.loop.output_channel import FaultCounter
 from controller.loop.stop_requests import StopRequest
 from controller.wire.messages.command_table import COMMANDS, RECORDED
 from controller.wire.messages.commands import (
