@@ -1,7 +1,4 @@
-"""Analyses a recording for training: its motions, the frames of each, and whether they are a loop.
-
-`take/segmentation` finds the motions; `preparation/kind` decides whether a motion is a loop.
-"""
+"""Analyses a recording for training: its motions (`take/segmentation`), frames, and loops (`preparation/kind`)."""
 
 from __future__ import annotations
 
@@ -184,10 +181,8 @@ def find_skeleton(file: Path, options: ReadingOptions) -> Path | None:
 def _kind_within(
     clip: Clip, frames: tuple[int, int], plays: Plays | None, *, cut_out: bool
 ) -> tuple[tuple[int, int], tuple[FoundKind, float, float]]:
-    """How some frames of a clip play, and those to learn: of a loop one round, if that returns better.
-
-    The changes at both ends of a motion that was cut out may hide a loop.
-    """
+    """How some frames of a clip play, and those to learn: of a loop one round, if that returns better."""
+    # The changes at both ends of a motion that was cut out may hide a loop.
     found = frames, _kind(span(clip, *frames), plays)
     change = round(CHANGE_SECONDS * clip.rate)
     inner = frames[0] + change, frames[1] - change

@@ -47,10 +47,7 @@ class Beat:
 
 
 class LossWatch:
-    """Watches R runs of one motion from `frames` (R, C) on; a single player is a watch of one.
-
-    `scale` is the spread of each channel, shape (C,).
-    """
+    """Watches R runs of one motion from `frames` (R, C) on, each channel over its spread `scale` (C,)."""
 
     def __init__(self, beat: Beat, scale: Channels, frames: Channels) -> None:
         self.beat = beat

@@ -245,10 +245,7 @@ class CommandClient:
             return found
 
     def _read_for_all(self, timeout_s: float) -> bool:
-        """Reads a reply, while other threads may send, or wait to be notified; called with the lock of `_filed`.
-
-        Returns whether one has arrived.
-        """
+        """Reads a reply with the lock of `_filed` held, while others may send or wait; whether one has arrived."""
         self._reading = True
         self._filed.release()
         try:

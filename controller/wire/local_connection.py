@@ -115,10 +115,7 @@ class _Link:
 
 
 class LocalConnection:
-    """A client's connections to a deck of this user: for commands, and to its stop door; made when something is sent.
-
-    Threads may send and receive at the same time.
-    """
+    """A client's connections to a deck of this user, for commands and its stop door, made at first use; thread-safe."""
 
     def __init__(self, port: int, patience: float) -> None:
         """For the deck of a number, which may keep a sender waiting `patience` s; SocketError if out of range."""

@@ -165,10 +165,8 @@ class _Matcher:
         return BodyMatch(parts, upright, tuple(self.doubts), rivals)
 
     def named_arms(self) -> dict[str, int]:
-        """The ends of two arms of a robot without legs, "r" and "l"; empty without.
-
-        Their names tell left from right. No other limb stands but wheels, and arms that do so are called arms.
-        """
+        """The ends of two arms of a robot without legs, "r" and "l"; empty without."""
+        # Their names tell left from right. No other limb stands but wheels, and arms that do so are called arms.
         wheels = [end for end in self.ends if self.body.is_wheel(end)]
         limbs = [end for end in self.ends if end not in wheels]
         standing = {end for end in limbs if self.body.lowest(end) < self.floor + STANDS * self.tall}

@@ -74,10 +74,8 @@ class LimbDirections:
         return np.array(there).reshape(-1, 3)
 
     def reaches(self, qpos: Array) -> dict[str, Array]:
-        """The way from beginning to end of each limb ("r_arm") in the world, shape (T, 3), m, for qpos (T, nq).
-
-        It does not depend on the knee or elbow.
-        """
+        """The way from beginning to end of each limb ("r_arm") in the world, shape (T, 3), m, for qpos (T, nq)."""
+        # It does not depend on the knee or elbow.
         found = {name: np.empty((len(qpos), 3)) for name in self._ends}
         for frame, q in enumerate(qpos):
             turned = self._turned(q)

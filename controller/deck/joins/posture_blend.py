@@ -79,10 +79,7 @@ class SmoothHeading:
 
 
 def smooth_headings(turn_rate: Array, dt: float) -> tuple[Array, Array]:
-    """How a smooth heading follows that of the hips from rest, tick by tick, as `SmoothHeading`: `offset` and `rate`.
-
-    The hips turn at these rates at moments dt seconds apart, shape (S,), rad/s.
-    """
+    """How a `SmoothHeading` follows hips that turn at rates (S,), rad/s, dt s apart, from rest: offset and rate."""
     hips: list[float] = turn_rate.tolist()
     smooth, seen = SmoothHeading(hips[0]), [(0.0, hips[0])]
     for turn in hips[1:]:

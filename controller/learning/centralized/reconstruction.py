@@ -186,10 +186,7 @@ def _turned(path: Array, turn: Array) -> Array:
 
 
 def _scores(flat: Array, rate: float) -> Array:
-    """The first SCORES principal components of the networks' output for coordinates (K, F), shape (K, SCORES).
-
-    One network for each piece of at most PIECE_S.
-    """
+    """Principal components (K, SCORES) of networks' output, one for each PIECE_S at most, for coordinates (K, F)."""
     target = flat - flat.mean(0)
     pieces = np.array_split(target, max(1, int(np.ceil(len(flat) / (PIECE_S * rate)))))
     predicted = np.concatenate([_predicted(piece, rate) for piece in pieces])

@@ -104,10 +104,7 @@ def failures(
     seed: int,
     weights: NDArray[np.float32] | None = None,
 ) -> int:
-    """The number of failed runs of a motion under kinds of disturbance; if the free run fails, no other is tried.
-
-    `weights` are W of a conceptor network, as for `disturbed`.
-    """
+    """The number of failed runs of a motion under kinds of disturbance, or FREE_RUN; `weights` as of `disturbed`."""
     if not self_test(network, judge, (motion,))[motion].passed:
         return FREE_RUN
     failed = 0

@@ -82,10 +82,7 @@ class JointWatcher:
         self._scaled = np.zeros(self.recognizer.channels)
 
     def update(self, joints: Array, dt: float) -> None:
-        """Processes joints (J,), rad, measured dt >= 0 seconds after the last ones.
-
-        Frames are interpolated linearly. A measurement that is not finite is skipped with its time.
-        """
+        """Takes joints (J,), rad, dt >= 0 s after the last, interpolated linearly; skips not finite ones."""
         if not np.isfinite(joints).all():
             self.recognizer.skipped += 1
             return
@@ -163,10 +160,7 @@ class FollowingWatch:
 
 
 class DeckWatch:
-    """Monitors J joints of a robot that plays a library, by experts on them (see `teach_joints`).
-
-    It gets ticks at `rate` Hz; another motion has to last `patience` seconds until an alarm.
-    """
+    """Monitors J joints by experts (`teach_joints`), `rate` ticks a second; another motion for `patience` s alarms."""
 
     def __init__(self, bank: ExpertBank, joints: Sequence[str], rate: float, patience: float = PATIENCE) -> None:
         self._joints = tuple(joints)

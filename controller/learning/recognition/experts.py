@@ -157,10 +157,7 @@ def group_readouts(of: Moments, recipe: ExpertRecipe) -> Array:
 
 
 def frame_errors(readouts: Array, forced: Forced, together: int) -> Array:
-    """The squared errors of readouts (M, G, C, N / G), by experts, and by groups and joints, shape (T', M, K).
-
-    `together` adjacent channels are averaged; see `ExpertRecipe.together`.
-    """
+    """The squared errors of readouts (M, G, C, N / G), averaged over `together` channels, (T', M, K)."""
     experts, groups, channels, size = readouts.shape
     found = np.empty((len(forced.states), experts, groups, channels // together))
     for group in range(groups):

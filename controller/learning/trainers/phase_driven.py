@@ -115,10 +115,7 @@ def with_readouts(unread: Motion, motion: TrainingMotion, normalisation: Normali
 
 
 def learn_readouts(states: Float32, piece: Indices, frames: Array, regulariser: float) -> Float32:
-    """A readout (R, r) for each piece of a motion, shape (P, C, k + 1), of settled states (T, k) and frames (T, C).
-
-    `piece` is that of each frame, shape (T,).
-    """
+    """A readout (R, r) of each piece, (P, C, k + 1), of settled states (T, k), frames (T, C) and their `piece` (T,)."""
     pieces = [np.flatnonzero(piece == one) for one in range(int(piece.max()) + 1)]
     weight = np.ones(len(frames))
     for own in pieces if len(pieces) > 1 else []:

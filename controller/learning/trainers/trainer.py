@@ -1,7 +1,4 @@
-"""The interface of a trainer of one kind of network, and its errors.
-
-The trainer of a kind is in a file here, named as the kind's folder in `controller/networks`.
-"""
+"""The interface of trainers, one for each kind of network, in a file here named as its folder in `networks`."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence

@@ -235,10 +235,8 @@ class TimedCommands:
         self.waiting.append((client, message))
 
     def take_due(self) -> Iterator[tuple[Client, DeckCommand]]:
-        """Takes those whose time is nearer to this tick than to the next one, in order, of clients still connected.
-
-        A command has the number with which it was given.
-        """
+        """Takes those whose time is nearer to this tick than to the next one, in order, of clients still connected."""
+        # A command has the number with which it was given.
         assert self._ticks is not None, "else none is taken"
         until = self._ticks.due() + 0.5 * self._ticks.period
         due = sorted((timed for timed in self.waiting if timed[1].when <= until), key=lambda timed: timed[1].when)

@@ -1,7 +1,4 @@
-"""Warnings about a recorded body: sizes, sides, height, angles, the vertical axis, and missing parts.
-
-Each is one line that names the bone, the reason and the remedy.
-"""
+"""Warnings about a recorded body, a line each with bone, reason, remedy: sizes, sides, height, axis, missing parts."""
 
 import numpy as np
 

@@ -31,10 +31,7 @@ def joint_features(encoding: Encoding, channels: Array) -> Array:
 
 
 def windows(features: Array, stride: int, *, wrap: bool = False) -> Array:
-    """Every `stride`-th window of features (T, F), sampled every `stride` frames, shape (n, SAMPLES * F).
-
-    With `wrap` the first frame follows the last.
-    """
+    """Windows of features (T, F), every `stride` frames, (n, SAMPLES * F); `wrap` goes round the end."""
     length = SAMPLES * stride
     if wrap:
         repeats = -(-length // len(features))

@@ -46,10 +46,7 @@ class FittedClip:
 
 
 def read_clip(path: str | Path, options: ReadingOptions = AS_FOUND) -> Clip:
-    """The clip in a recording of one of FORMATS; capitals in the suffix do not matter.
-
-    FileFormatError if the format is another, the skeleton is ambiguous, or reading fails.
-    """
+    """The clip in a recording of one of FORMATS; FileFormatError for another, an ambiguous skeleton, or a failure."""
     return read_fitted(path, options).clip
 
 

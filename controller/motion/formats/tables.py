@@ -32,10 +32,7 @@ def words_of(text: str, separator: str) -> list[str]:
 
 
 def heading(path: str | Path) -> tuple[Line, list[tuple[int, str]], str, list[str]]:
-    """The first line of a table, its rows with their numbers, the separator, and the comments before the first line.
-
-    FileFormatError if there is none.
-    """
+    """The first line of a table, its numbered rows, separator, and comments before it; FileFormatError without any."""
     every = read_lines(path)
     texts = [(number, text) for number, text in enumerate(every, 1) if is_row(text)]
     if not texts:
@@ -57,10 +54,7 @@ def first_row(path: Path) -> list[str]:
 def numbers(
     path: str | Path, texts: Sequence[tuple[int, str]], count: int, separator: str, largest: float = FARTHEST
 ) -> Array:
-    """The numbers (T, C) in numbered lines of C columns, NaN where a cell is empty; FileFormatError with the line.
-
-    Numbers after the first column are at most `largest`.
-    """
+    """Numbers (T, C) of numbered lines, NaN if empty, <= `largest` but in column 0; FileFormatError with the line."""
     if not texts:
         raise FileFormatError(f"{path}: there are no frames in it. Write it again.")
     if len(texts) * count > MOST_NUMBERS:

@@ -21,10 +21,7 @@ ROOT_ORDER, ORDER = "YXZ", "ZYX"
 
 
 def write_clip(clip: Clip, path: Path) -> None:
-    """Writes a clip in the format of the suffix, .bvh or .csv, of joint angles .clip, .csv or .npz.
-
-    FileFormatError for another.
-    """
+    """Writes a clip as .bvh or .csv, joint angles as .clip, .csv or .npz; FileFormatError for another suffix."""
     formats = JOINT_FORMATS if clip.skeleton.is_rig else FORMATS
     if path.suffix.lower() not in formats:
         what = "joint angles" if clip.skeleton.is_rig else "clips"
@@ -38,10 +35,8 @@ def write_clip(clip: Clip, path: Path) -> None:
 
 
 def bvh_text(clip: Clip) -> str:
-    """A clip as BVH: y up, x left, z forward, cm; one joint a bone, at its start and with its name.
-
-    Reading it again gives the same bones, and joints within a micrometre a bone.
-    """
+    """A clip as BVH: y up, x left, z forward, cm; one joint a bone, at its start and with its name."""
+    # Reading it again gives the same bones, and joints within a micrometre a bone.
     skeleton = clip.skeleton
     to_file = conjugate(TO_OURS["y"])
     vector = rotate(to_file, skeleton.rest_direction * skeleton.length[:, None]) * CENTIMETRES

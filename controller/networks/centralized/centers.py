@@ -64,10 +64,8 @@ class HarmonicCenters:
 
     @property
     def coordinates(self) -> Array:
-        """The (cos, sin) pair of each center, shape (2 n,): what the satellites see.
-
-        A scalar q folds time, because it passes every value twice a period; the pair does not.
-        """
+        """The (cos, sin) pair of each center, shape (2 n,): what the satellites see."""
+        # A scalar q folds time, because it passes every value twice a period; the pair does not.
         return self.state.view(np.float64)
 
 

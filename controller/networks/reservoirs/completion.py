@@ -59,10 +59,7 @@ class LiveCompletion:
             self._advance()
 
     def step(self, measured: Array) -> Array:
-        """The whole at the next frame, shape (D,); a value of (C,) that is not finite keeps its last one.
-
-        MotiondeckError if it has another number of values.
-        """
+        """The next frame, (D,); a value of (C,) that is not finite keeps its last. MotiondeckError for another size."""
         values = _values(measured, len(self._last))
         self._last = np.where(np.isfinite(values), values, self._last)
         self._advance()

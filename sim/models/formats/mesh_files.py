@@ -137,10 +137,7 @@ def box_sides(moments: Array, mass: float) -> Array:
 
 
 def read_solids(spec: mujoco.MjSpec, folder: Path) -> None:
-    """Replaces meshes that MuJoCo cannot read by the convex hulls of their files in a folder: enough for contacts.
-
-    FileFormatError if a mesh is of an unknown kind, or broken.
-    """
+    """Replaces meshes that MuJoCo cannot read by hulls, enough for contacts; FileFormatError for a broken one."""
     for name, read in read_meshes(spec, {mesh.name: folder / mesh.file for mesh in spec.meshes if mesh.file}).items():
         fill(spec.mesh(name), _hull(read.points))
         spec.mesh(name).file = ""

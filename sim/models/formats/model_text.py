@@ -46,10 +46,7 @@ def xml_text(path: Path) -> str:
 
 
 def model_kind(path: Path) -> str:
-    """The kind of a model file: "mujoco" for an MJCF, "robot" for a URDF, whatever its name.
-
-    FileFormatError, which names what was expected, if it is missing or of another kind.
-    """
+    """The kind of a model file, whatever its name: "mujoco" or "robot" (URDF); FileFormatError if neither."""
     if path.is_dir():
         inside = sorted(file.name for file in path.iterdir() if file.suffix.lower() in (".xml", ".urdf"))
         names = f"; in it are {', '.join(inside[:_SHOWN])}" if inside else ""
@@ -82,10 +79,7 @@ def _tags_of(path: Path) -> list[str]:
 
 
 def urdf_speeds(path: Path) -> dict[str, float]:
-    """The plausible speed limits of a URDF's joints, rad/s; empty for another file.
-
-    FileFormatError if the file declares a document type, whose entities could grow without bound.
-    """
+    """The plausible speed limits of a URDF's joints, rad/s; empty for another file. FileFormatError for a DOCTYPE."""
     speeds: dict[str, float] = {}
     joint = ""
     is_urdf: bool | None = None
