@@ -261,6 +261,26 @@ def _learned(page: Any) -> None:
     page.get_by_role("button", name="Play it").scroll_into_view_if_needed()
 
 
+def _keys(setting: Setting) -> Shots:
+    arm = setting.work / "arm"
+    shutil.copytree(Path(__file__).parents[1] / "examples" / "arm", arm)
+    words = [*COMMAND, "rig", "teach", str(arm / "arm.toml"), "--out", str(arm / "pick.toml")]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as program:
+        assert program.stdout is not None
+        page = setting.browser.new_page(viewport={"width": 1366, "height": 768})
+        page.set_default_timeout(PATIENCE_MS)
+        address = program.stdout.readline().split()[1]
+        time.sleep(5.0)  # the address is printed before it answers
+        page.goto(address)
+        page.get_by_text("Software WebGL").locator("xpath=../..").get_by_role("button").click()
+        page.locator(".key[data-at='4.7']").click()
+        page.get_by_role("button", name="Change key at 4.7 s").wait_for()
+        time.sleep(3.0)
+        yield "", page
+        page.close()
+        program.terminate()
+
+
 def _ended(setting: Setting) -> Shots:
     pages = {window: setting.open(window) for window in WINDOWS}
     send(Stop())
@@ -278,6 +298,7 @@ SCENES: dict[str, Callable[[Setting], Shots]] = {
     "on-its-way": _on_its_way,
     "emergency-stop": _emergency_stop,
     "learning": _learning,
+    "keys": _keys,
     "ended": _ended,
 }
 

@@ -81,6 +81,7 @@ class KeysPage:
         self._only = gui.add_checkbox("only moved", False, hint=hint)
         hint = "Of the way to the key: smooth passes through it, the others come to rest there"
         self._easing = gui.add_dropdown("easing", get_args(Easing), hint=hint)
+        self._hear(self._easing, lambda _: self._ease())
         self._delete = gui.add_button("Delete key", color="gray")
         self._hear(self._delete, lambda _: draft.change(lambda sheet: sheet.delete(self._here)))
         self._hear(gui.add_button("Undo", color="gray"), lambda _: draft.undo())
@@ -172,10 +173,15 @@ class KeysPage:
     def _set_key(self) -> None:
         self._head.playing = False
         pose = {joint: round(value, 1) for joint, value in self._pose_here().items()}
-        if self._only.value and self._posed:
+        if self._posed and (self._only.value or self._here in self._draft.sheet.keys):
             pose = {joint: pose[joint] for joint in self._posed}
         self._draft.change(lambda sheet: sheet.set(self._here, pose, self._easing.value))
         self._posed = {}
+
+    def _ease(self) -> None:
+        key, easing = self._draft.sheet.keys.get(self._here, {}), self._easing.value
+        pose = {joint: value for joint, (value, _) in key.items()}
+        self._draft.change(lambda sheet: sheet.set(self._here, pose, easing))
 
     def _hear_strip(self, said: Any) -> None:
         """Does what was done on the strip; anything else comes from no strip of ours."""
@@ -225,6 +231,8 @@ class KeysPage:
         for joint, value in self._pose_here().items():
             slider = self._sliders[joint]
             self._bring(slider, min(max(round(value, 1), slider.min), slider.max))
+        for _, easing in [*sheet.keys.get(self._here, {}).values()][:1]:
+            self._bring(self._easing, easing)
         self._bring(self._time, round(head.seconds, 3))
         self._bring(self._length, sheet.length)
         self._bring(self._plays, sheet.plays)

@@ -68,7 +68,7 @@ def test_a_library_file_or_with_a_rig_a_clip_stands_for_the_motion(rig, clip, tm
 
 
 def test_a_loop_of_keyframes_is_played_again_and_again_and_any_other_once(rig, tmp_path):
-    keys = '{ at = 0, joint = "jaw", value = 0 }, { at = 0.5, joint = "jaw", value = 20 }'
+    keys = ", ".join(f'{{ at = {at}, joint = "jaw", value = {value} }}' for at, value in ((0, 0), (0.5, 20), (1, 0)))
     for plays in ("loop", "once"):
         (tmp_path / "talk.toml").write_text(f'unit = "deg"\nlength = 1.0\nplays = "{plays}"\nkey = [{keys}]')
         clip = read_clip(tmp_path / "talk.toml")
@@ -76,7 +76,7 @@ def test_a_loop_of_keyframes_is_played_again_and_again_and_any_other_once(rig, t
         jaw = np.degrees([deck.update(0.05)[0][0] for _ in range(50)])
         assert jaw[9] == pytest.approx(20.0)
         assert jaw[[19, 29, 39, 49]] == pytest.approx(
-            [0.0, 20.0, 0.0, 20.0] if plays == "loop" else 4 * [20.0], abs=1e-6
+            [0.0, 20.0, 0.0, 20.0] if plays == "loop" else 4 * [0.0], abs=1e-6
         )
         assert deck.over == (plays == "once")
 

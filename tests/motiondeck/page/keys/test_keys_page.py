@@ -59,12 +59,20 @@ def test_a_motion_is_posed_keyed_moved_saved_learned_and_played(browser, written
     draft.get_by_text("3 keys").wait_for()
     press("Undo")
     draft.get_by_text("4 keys").wait_for()
+    page.locator(".key-strip .key[data-at='1']").click()
+    page.get_by_role("button", name="Change key at 1 s").wait_for()
+    page.locator(
+        "xpath=//label[normalize-space()='easing']/ancestor::div[.//input][1]//input[not(@type='hidden')]"
+    ).click()
+    page.get_by_role("option", name="late").click()
+    page.locator(".key-strip .key[title^='1 s, late']").wait_for()
     press("Play")
     press("Pause")
     press("Save")
     draft.get_by_text("saved as").wait_for()
     keys = read_toml(folder / "wave.toml", Keyframes).key
     assert [(key.at, key.pose["elbow"]) for key in keys] == [(0.0, 0.0), (1.0, 60.0), (2.0, 0.0), (2.95, 60.0)]
+    assert [key.easing for key in keys] == ["smooth", "late", "smooth", "smooth"]
 
     press("emulated")
     page.locator("#rehearsal").get_by_text("wave.safetensors plays").wait_for()
