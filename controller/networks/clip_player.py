@@ -1,5 +1,7 @@
 """A clip player: plays recorded frames one after the other; the baseline of every network."""
 
+# ruff: noqa: D102 (`base.Network` and `reservoirs.phase_driven` document the methods)
+
 from __future__ import annotations
 
 from collections.abc import Mapping
@@ -31,33 +33,26 @@ class ClipPlayer(Network[Frames]):
         self.cue(self.motions[0], 0)
 
     def twin(self, runs: int | None = None) -> ClipPlayer:
-        """The same recordings with an independent place."""
         return ClipPlayer(self._of, self._loops)
 
     @property
     def as_phase_network(self) -> PhaseNetwork:
-        """The player itself."""
         return self
 
     @property
     def inputs(self) -> dict[str, tuple[float, float]]:
-        """None."""
         return {}
 
     def set_input(self, name: str, value: float) -> None:
-        """Refuses: there is none."""
         raise MotiondeckError(f"there is no input '{name}': recorded frames have none")
 
     def anchors(self, motion: str) -> Channels:
-        """All frames."""
         return self[motion].astype(np.float64)
 
     def period(self, motion: str) -> int:
-        """All frames."""
         return len(self[motion])
 
     def cue(self, motion: str, anchor: int) -> None:
-        """Goes to a frame."""
         self._motion, self._at = motion, anchor
 
     @property
@@ -67,24 +62,19 @@ class ClipPlayer(Network[Frames]):
         return self._at / (frames if self._loops[self._motion] else max(1, frames - 1))
 
     def seek(self, motion: str, phase: float) -> None:
-        """Goes to the frame nearest to a phase."""
         frames = len(self[motion])
         self.cue(motion, round(phase * frames) % frames if self._loops[motion] else round(phase * (frames - 1)))
 
     def advance(self, out: Channels, noise: Activation | None = None) -> None:
-        """Steps one frame on and writes it into out, shape (channels,)."""
         self._go(1, out)
 
     def retreat(self, out: Channels) -> None:
-        """Steps one frame back and writes it into out, shape (channels,)."""
         self._go(-1, out)
 
     def snapshot(self) -> tuple[str, int]:
-        """Motion and frame."""
         return self._motion, self._at
 
     def restore(self, snapshot: tuple[str, int]) -> None:
-        """Goes back to a snapshot."""
         self._motion, self._at = snapshot
 
     def noise_size(self, motion: str) -> int:
@@ -95,12 +85,10 @@ class ClipPlayer(Network[Frames]):
         """Nothing to displace."""
 
     def arrays(self) -> dict[str, NDArray[Any]]:
-        """Refuses: a library holds networks."""
         raise MotiondeckError("recorded frames are not stored in a library; train a network")
 
     @classmethod
     def load(cls, stored: StoredNetwork) -> Self:
-        """Refuses: a library holds networks."""
         raise stored.error("holds recorded frames")
 
     def _go(self, by: int, out: Channels) -> None:

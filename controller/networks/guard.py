@@ -14,6 +14,8 @@ guarded run is the plain run, bit by bit.
 A comparison takes one frame and at most MOST_ANCHORS anchors, whatever the length of the motion.
 """
 
+# ruff: noqa: D102 (`base.Network` documents the methods of a `FrameNetwork`)
+
 from copy import copy
 from dataclasses import dataclass
 from typing import Any, Self
@@ -130,17 +132,14 @@ class Guard:
     as_phase_network = None
 
     def anchors(self, motion: str) -> Channels:
-        """The frames at the anchors of a motion, shape (anchors, channels)."""
         return self.network.anchors(motion)
 
     def cue(self, motion: str, anchor: int) -> None:
-        """Puts the network into the stored state of an anchor."""
         self.network.cue(motion, anchor)
         self._motion = motion
         self._watch = LossWatch(self.beats[motion], self.scale, self.network.anchors(motion)[anchor : anchor + 1])
 
     def advance(self, out: Channels) -> None:
-        """Steps one frame on and writes it into out, shape (channels,)."""
         if self.network.astray():
             self._restart()
         self.network.advance(out)
@@ -156,11 +155,9 @@ class Guard:
         self.network.cue(self._motion, self.anchor)
 
     def snapshot(self) -> Any:
-        """A copy of the state."""
         return self.network.snapshot(), self._motion, self._watch.copy()
 
     def restore(self, snapshot: Any) -> None:
-        """Puts the state back to a snapshot."""
         network, self._motion, watch = snapshot
         self.network.restore(network)
         self._watch = watch.copy()

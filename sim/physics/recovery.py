@@ -67,10 +67,7 @@ class FallGuard:
 
 
 def has_fallen(qpos: Array, played: Array, standing: Array) -> bool:
-    """Whether a root at qpos (>= 7,) is too low or leans too far beside the commanded one (>= 7,).
-
-    `standing` is the quaternion of an upright root: not every model has z up.
-    """
+    """Whether a root (>= 7,) is too low or leans too far beside the commanded one; `standing`: its upright rotation."""
     up = rotate(conjugate(standing), np.array([0.0, 0.0, 1.0]))
     upright = rotate(np.stack([qpos[3:7], played[3:7]]), up)[:, 2]
     lean, played_lean = np.arccos(np.clip(upright, -1.0, 1.0))

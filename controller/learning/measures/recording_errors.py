@@ -57,10 +57,7 @@ class RecordedPart:
 def recorded_part(
     clip: Clip, first: float, end: float, *, loop: bool, body: Skeleton | None = None
 ) -> RecordedPart | None:
-    """The part of a recording from `first` to `end`, s, and its body, by default the canonical one of this part.
-
-    None for the joints of a rig, and for bodies without legs.
-    """
+    """The part of a recording from `first` to `end`, s, on a body (default: canonical); None for rigs, or no legs."""
     if clip.skeleton.is_rig:
         return None
     near = 0.01  # of a frame

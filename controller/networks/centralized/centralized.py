@@ -81,10 +81,8 @@ class CentralizedMotion:
 
     @cached_property
     def linear_form(self) -> tuple[Array, Array]:
-        """-b^2 |q - q_j|^2 / 2 as a product with (q, 1), and x as one with (Phi, 1), shape (m, 2 n + 1) and (D, m + 1).
-
-        For centers of unit amplitude |q|^2 = n.
-        """
+        """-b^2 |q - q_j|^2 / 2 as a product with (q, 1), (m, 2 n + 1), and x as one with (Phi, 1), (D, m + 1)."""
+        # For centers of unit amplitude |q|^2 = n.
         square = np.square(self.satellites.sharpness)
         reach = np.square(self.satellites.places).sum(1) + len(self.frequency)
         exponent = np.column_stack([square[:, None] * self.satellites.places, -0.5 * square * reach])
