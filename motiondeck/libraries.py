@@ -158,8 +158,8 @@ def learn(
     Args:
         recordings: files, and folders of them; each motion has its file's name, or one of several a name with a number.
         name: of the library.
-        network: its kind and sizes: a `PhaseRecipe`, `PhaseEchoStateRecipe`, `ConceptorRecipe`, `EchoStateRecipe`,
-            `RandomFeatureRecipe` or `CentralizedRecipe` of `motiondeck.networks`; None for the default.
+        network: its kind and sizes: a `PhaseRecipe`, `PhaseEchoStateRecipe`, `SharedConceptorRecipe`,
+            `ConceptorRecipe`, `EchoStateRecipe` or `CentralizedRecipe` of `motiondeck.networks`; None for the default.
         seeds: tried in turn until every motion passes the self-test; see `Library.failed`.
         progress: called with a short description of each step.
     """

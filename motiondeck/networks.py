@@ -19,7 +19,6 @@ from controller.learning.trainers.centralized import CentralizedRecipe
 from controller.learning.trainers.echo_state import EchoStateRecipe
 from controller.learning.trainers.phase_conceptor import PhaseRecipe
 from controller.learning.trainers.phase_echo_state import PhaseEchoStateRecipe
-from controller.learning.trainers.random_feature import RandomFeatureRecipe
 from controller.learning.trainers.shared_conceptor import SharedConceptorRecipe
 from controller.learning.trainers.trainer import nrmse
 from controller.networks.base import AnyNetwork, FrameNetwork, Generator, Morph
@@ -53,7 +52,6 @@ from controller.networks.echo_state.network import EchoStateNetwork
 from controller.networks.phase_conceptor.morph import PhaseMorph
 from controller.networks.phase_conceptor.network import PhaseConceptorNetwork
 from controller.networks.phase_echo_state.network import PhaseEchoStateNetwork
-from controller.networks.random_feature.network import RandomFeatureNetwork
 from controller.networks.reservoirs.completion import Completion, LiveCompletion
 from controller.networks.reservoirs.conceptor_algebra import (
     adapt_aperture,
@@ -119,8 +117,6 @@ __all__ = [
     "PhaseMorph",
     "PhaseRecipe",
     "PolynomialSatellites",
-    "RandomFeatureNetwork",
-    "RandomFeatureRecipe",
     "Reservoir",
     "ReservoirResponse",
     "SatelliteError",

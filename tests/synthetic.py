@@ -13,7 +13,6 @@ from controller.learning.trainers.centralized import CentralizedRecipe
 from controller.learning.trainers.echo_state import EchoStateRecipe
 from controller.learning.trainers.phase_conceptor import PhaseRecipe
 from controller.learning.trainers.phase_echo_state import PhaseEchoStateRecipe
-from controller.learning.trainers.random_feature import RandomFeatureRecipe
 from controller.learning.trainers.shared_conceptor import SharedConceptorRecipe
 from controller.learning.trainers.trainer import trainer_of
 from controller.learning.training_set import TrainingSet
@@ -166,11 +165,6 @@ def small_echo_state(**changes):
 
 
 @learned_once
-def small_random_feature():
-    return trained(RandomFeatureRecipe(neurons=150, features=120, features_each=60, drives=1))
-
-
-@learned_once
 def small_centralized(satellites=20):
     return trained(CentralizedRecipe(centers=1, satellites=satellites, iterations=2))
 
@@ -179,7 +173,6 @@ NETWORKS = {
     "conceptor": small_network,
     "echo-state": small_echo_state,
     "echo-state of the thesis": lambda: small_echo_state(clipped=False),
-    "random-feature": small_random_feature,
     "phase-conceptor": lambda: small_phase_network(piece_seconds=0.5),
     "phase-echo-state": lambda: small_phase_echo_state(piece_seconds=0.5),
     "shared-conceptor": lambda: small_shared_conceptor(readout="shared"),

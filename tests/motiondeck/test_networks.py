@@ -71,7 +71,7 @@ def test_what_does_not_fit_is_refused(loaded):
     [
         net.ConceptorRecipe(neurons=200, rank=20, ridge=0.01, aperture=30.0),
         net.EchoStateRecipe(neurons=200, spectral_radius=0.9),
-        net.RandomFeatureRecipe(neurons=200, features=400, features_each=100),
+        net.SharedConceptorRecipe(neurons=200, rank=20),
         net.CentralizedRecipe(satellites=15, iterations=20),
     ],
     ids=lambda recipe: type(recipe).__name__,

@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 
 from controller.motion.encodings.normalisation import Normalisation
 from controller.networks.base import Channels, Rows, lead_shape
-from controller.networks.reservoirs.reservoir_network import DirectionMorph, DirectionReservoir, Float32
+from controller.networks.reservoirs.reservoir_network import AutonomousReservoir, Float32, require_playing
 from controller.networks.storage import StoredNetwork, arrays_of
 
 LARGEST_NOISE = 2.0  # beyond it |s + noise| > 1, which tanh never gives: |s| <= 1
@@ -61,7 +61,7 @@ class Memory:
     normalisation: Normalisation  # between the channels of both and the encoding's units
 
 
-class ConceptorNetwork(DirectionReservoir[ConceptorMotion]):
+class ConceptorNetwork(AutonomousReservoir[ConceptorMotion]):
     """Plays the motions of one reservoir frame by frame; fits `base.AutonomousNetwork`."""
 
     kind = "conceptor"
@@ -72,6 +72,8 @@ class ConceptorNetwork(DirectionReservoir[ConceptorMotion]):
         first = next(iter(motions.values()))
         super().__init__(motions, len(first.bias), len(first.rest), runs)
         self.memory = memory
+        # Twice the length of the longest stored state, squared: undisturbed playing stays below it.
+        self._reach = {name: 4.0 * float(np.square(part.states).sum(1).max()) for name, part in motions.items()}
         self._push: Float32 | None = None  # within tanh in the next step
         self._outside: Any = False  # runs that a displacement took out of the range of tanh
         self.cue(self.motions[0], 0)
@@ -84,12 +86,18 @@ class ConceptorNetwork(DirectionReservoir[ConceptorMotion]):
         return (net.states @ net.readout.T + net.rest).astype(np.float64)
 
     def cue(self, motion: str, anchor: Any, rows: Rows = ...) -> None:
-        super().cue(motion, anchor, rows)
+        part = self[motion]
+        if rows is ...:
+            self.start(part, self._reach[motion], part.states[anchor])
+            return
+        self._z[rows] = part.states[anchor]
         if self._push is not None:
             self._push[rows], self._outside[rows] = 0.0, False
 
     def start(self, part: ConceptorMotion, bound: float, state: Float32) -> None:
-        super().start(part, bound, state)
+        """Plays a motion from a state on, which counts as astray where |z|^2 is above a bound."""
+        self._playing, self._bound = part, bound
+        self._z = np.broadcast_to(state, (*self.runs, state.shape[-1])).copy()
         self._recurrent, self._project, self._readout = part.recurrent.T, part.project.T, part.readout.T
         self._push, self._outside = None, False
 
@@ -122,7 +130,14 @@ class ConceptorNetwork(DirectionReservoir[ConceptorMotion]):
 
     def astray(self) -> Any:
         """Whether |z| is larger than in undisturbed playing, or some |x| than tanh allows, or NaN."""
-        return super().astray() | self._outside
+        z = self._z
+        return ~((np.dot(z, z) if z.ndim == 1 else np.square(z).sum(1)) <= self._bound) | self._outside
+
+    def snapshot(self) -> tuple[ConceptorMotion, float, Float32]:
+        return self._playing, self._bound, self._z.copy()
+
+    def restore(self, snapshot: Any) -> None:
+        self.start(*snapshot)
 
     def morph(self, source: str, target: str) -> _ConceptorMorph:
         return _ConceptorMorph(self, source, target)
@@ -156,8 +171,25 @@ class ConceptorNetwork(DirectionReservoir[ConceptorMotion]):
         return cls(motions, Memory(**found, normalisation=stored.normalisation("memory/")))
 
 
-class _ConceptorMorph(DirectionMorph[ConceptorMotion]):
-    _mu = 0.0
+class _ConceptorMorph:
+    """A morph; MotiondeckError if the network does not play the source."""
+
+    def __init__(self, network: ConceptorNetwork, source: str, target: str) -> None:
+        self._network, self._to, self._mu = network, target, 0.0
+        self._source, self._target = network[source], network[target]
+        playing, self._bound, self._z_source = network.snapshot()
+        require_playing(playing is self._source, source)
+        self._z_target = np.zeros(self._target.states.shape[1], dtype=np.float32)
+
+    def settle(self) -> None:
+        """Leaves the target playing; what lies outside of its directions is dropped, as at mu = 1."""
+        self._network.cue(self._to, 0)
+        playing, bound, _ = self._network.snapshot()
+        self._network.restore((playing, bound, self._z_target.astype(np.float32)))
+
+    def give_up(self) -> None:
+        """Leaves the source playing."""
+        self._network.restore((self._source, self._bound, self._z_source.astype(np.float32)))
 
     def advance(self, mu: float, out: Channels) -> None:
         a, b = self._source, self._target

@@ -15,7 +15,6 @@ def test_each_kind_is_found_by_its_folder():
     assert set(network_kinds()) >= {
         "conceptor",
         "echo-state",
-        "random-feature",
         "phase-conceptor",
         "shared-conceptor",
         "centralized",
