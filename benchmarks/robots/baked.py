@@ -198,7 +198,8 @@ def table(pairs: list[dict[str, Any]]) -> str:
         lines += ["", f"| {pair['library']} on servo20, walk | live | baked | ratio |", "|---|---|---|---|"]
         for what, live in ticks["live"].items():
             other = ticks["baked"][what]
-            lines.append(f"| {what} | {live:.3g} | {other:.3g} | {other / live:.2f} |")
+            digits = 0 if other >= 100.0 else 2
+            lines.append(f"| {what} | {live:.{digits}f} | {other:.{digits}f} | {other / live:.2f} |")
         for board, factor in PI.items():
             live, other = (1e-3 * factor * ticks[way]["in the loop, us"] for way in WAYS)
             lines.append(f"| {board}, estimate x {factor:g}: in the loop, ms | {live:.1f} | {other:.1f} | |")
