@@ -91,7 +91,7 @@ class ShaftJudge:
         self._renamed = np.full(count, np.inf)  # when a servo has taken another's ID, s
         # A servo ignores its position limits in other modes, also if it is misled by goals for another with its ID.
         self._unbounded = np.array([joint.mode != POSITION_MODE for joint in config.joints])
-        self._misled, self._limp = np.zeros((2, count), dtype=bool)
+        self._misled, self._limp, self._thrown = np.zeros((3, count), dtype=bool)
         self._problems: dict[tuple[str, str], str] = {}
         self.fastest = self.hardest = 0.0
         self._holds = {_single_goal(joint): index for index, joint in enumerate(config.joints)}
@@ -189,7 +189,9 @@ class ShaftJudge:
         self._note("caught up too fast", free & slow & (speed > self._velocity * _CATCH_UP + _CATCH_UP_PLAY), speed)
         outside = (angles < self._lower - PLAY) | (angles > self._upper + PLAY)
         self._misled = (self._misled & outside) | (cut_off & self._unbounded)
-        self._note("left its limits", outside & ~blocked & ~self._misled, angles)
+        # One that the end of a jam threw out of its limits may be stopped there by its watchdog, until it is driven.
+        self._thrown = (self._thrown | blocked) & outside
+        self._note("left its limits", outside & ~self._thrown & ~self._misled, angles)
         # Where one of two servos loses its torque, the other one turns it too.
         both = powered & powered[self._actuated.others]
         # Where one of two hears another joint's goals or none, their paths part, and voltages that end stop the shaft.

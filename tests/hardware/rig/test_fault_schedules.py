@@ -60,6 +60,7 @@ def test_a_random_schedule_of_faults_ends_well(seed):
         (701778053, "a restart after the end, taken for a joint that does not hold"),
         (460000000, "a servo that was swapped between the check of its model and its torque"),
         (440000046, "a weight that with its friction was more than its joint could lift"),
+        (700000170, "a joint that a jam threw out of its limits, and whose watchdog stopped it there"),
         (600000151, "torque on a limp joint whose weight swung on since its place was read"),
     ],
 )
