@@ -79,7 +79,7 @@ def test_any_stream_keeps_to_the_limits_and_leaves_nothing_on_other_joints_or_af
     speed = np.abs(np.diff(targets, axis=0)) / DT
     assert (speed <= 1.41 * FASTEST).all()
     assert np.array_equal(targets[-100:], beneath[-100:])
-    assert live.following == {}
+    assert live.joints == {}  # it costs nothing any more
     envelope = SafetyEnvelope(LIMITS, DT)
     envelope.start(beneath[0])
     safe = np.array([envelope(row).copy() for row in targets])
@@ -123,14 +123,16 @@ def test_a_joint_falls_back_half_a_second_after_the_last_value_and_a_new_one_tur
     jaw = follow(live, beneath, happening)[:, 1]
     assert 0.05 < jaw[70] < 0.55
     assert jaw[90] == pytest.approx(0.6, abs=0.02)
-    assert np.abs(np.diff(jaw, n=2)).max() / DT < FASTEST[1]  # rad/s: it turns back without a jump of its speed
+    where = float(jaw[69] / 0.6)
+    jaw = follow(live, beneath, {0: happening[0], 70: [lambda: live.set("jaw", where, 0.5)]})[:, 1]
+    assert 0.3 < (jaw[70] - jaw[69]) / (jaw[69] - jaw[68]) < 0.6  # without a jump of its speed
 
 
 def test_a_pause_holds_joints_where_they_are_and_keeps_their_time():
     live, beneath = live_values(), np.zeros((300, len(JOINTS)))
     still = range(3, 200)
     jaw = follow(live, beneath, {0: [lambda: live.set("jaw", 1.0, 0.5)]}, still)[:, 1]
-    assert 0.0 < jaw[30] < 0.6
+    assert 0.05 < jaw[30] < 0.5
     assert np.ptp(jaw[30:200]) < 1e-4
     assert jaw[230] == pytest.approx(0.6, abs=0.001)
 
