@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import sys
 from dataclasses import dataclass, replace
 from functools import partial
@@ -148,16 +149,16 @@ def _kind(path: Path) -> Literal["recipe", "gesture", "recording"]:
     return "gesture" if path.suffix.lower() in (".clip", ".toml") else "recording"
 
 
-def _recipe_beside(out: Path) -> Path:
-    """The recipe of a library: NAME.toml, or NAME.recipe.toml where that is no recipe, but a rig file or keyframes."""
-    from motiondeck_base.toml_file import parse_toml
+_OF_JOINTS = re.compile(rb"^\s*(\[\[\s*(key|joints)\b|(key|joints)\s*=)", re.MULTILINE)
 
+
+def _recipe_beside(out: Path) -> Path:
+    """The recipe of a library: NAME.toml, or NAME.recipe.toml where that is a rig file or keyframes."""
     recipe = out.with_suffix(".toml")
     try:
-        taken = recipe.exists() and "motions" not in parse_toml(recipe)[1]
-    except MotiondeckError:
-        taken = True
-    return out.with_suffix(".recipe.toml") if taken else recipe
+        return out.with_suffix(".recipe.toml") if _OF_JOINTS.search(recipe.read_bytes()) else recipe
+    except OSError:
+        return recipe
 
 
 def _library(options: LearnOptions, name: str, *, and_recipe: bool = False) -> Path:
