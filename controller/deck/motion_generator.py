@@ -38,7 +38,7 @@ class MotionGenerator:
         if not 0.0 <= phase <= 1.0:
             raise MotiondeckError(f"a phase of {phase:g} is not in [0, 1]")
         self._velocities = library.encoding.velocities
-        self._player = FramePlayer(library.network.twin(), library.info.rate)
+        self._player = FramePlayer(library.network.twin(), library.info.rate, only=motion)
         for name, value in (inputs or {}).items():
             self.set_input(name, value)
         self._player.cue(motion, phase)

@@ -6,18 +6,20 @@ a few of them and measures them.
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 
+import msgspec
 import numpy as np
 
 from controller.deck.deck import Deck
-from controller.deck.joins.deck_motions import Motion, read_motions
+from controller.deck.joins.deck_motions import BodyCourse, Motion, read_motion, read_motions
 from controller.deck.joins.join_limits import FASTEST, HARDEST
 from controller.deck.joins.joining import Joining
 from controller.deck.performance import VELOCITY_REACH
 from controller.deck.routes import Routes
 from controller.deck.switch import CommandedSwitch
+from controller.library.library_header import MotionInfo
 from controller.library.motion_library import MotionLibrary
 from controller.motion.rotations import Array
 
@@ -27,6 +29,7 @@ PLAYED = 12  # how many of the joins that look hardest are played
 RATE = 200.0  # Hz
 _BEFORE, _AFTER = 3, 10  # ticks before the command, and after the switch has settled
 _LONGEST = 4.0  # s
+NOW = np.zeros(1)  # s
 
 
 @dataclass(frozen=True)
@@ -53,7 +56,7 @@ class Join:
 
 def worst_join(library: MotionLibrary, *, phases: int = PHASES, played: int = PLAYED) -> Join | None:
     """The worst of the joins that look hardest, as the deck plays them; None where nothing can be joined."""
-    joins = [play_join(library, *one) for one in hardest_joins(library, played, phases)]
+    joins = [play_join(_with_only(library, *one[:2]), *one) for one in hardest_joins(library, played, phases)]
     return max(joins, key=lambda join: join.use, default=None)
 
 
@@ -61,7 +64,8 @@ def hardest_joins(library: MotionLibrary, count: int, phases: int = PHASES) -> l
     """The joins that look hardest, hardest first: source, target and the phase at which the source is left."""
     # At most one join is taken of each pair that is joined directly. One-shots are left at their end, loops at a number
     # of `phases`.
-    motions, routes = read_motions(library), Routes.of(library)
+    motions = {info.name: _ends(library, info) for info in library.info.motions}
+    routes = Routes.between(motions) if library.info.baked is None else Routes.of(library)
     found: list[tuple[float, tuple[str, str, float]]] = []
     exits = {name: _exits(motion, phases) for name, motion in motions.items()}
     for leaving, entering in product(motions.values(), repeat=2):
@@ -125,6 +129,22 @@ class MeasuredDeck:
         acceleration = float(np.linalg.norm(np.diff(step, axis=0), axis=-1).max()) * RATE**2
         own = [self._motions[name] for name in motions]
         return speed / max(motion.speed for motion in own), acceleration / max(motion.acceleration for motion in own)
+
+
+def _ends(library: MotionLibrary, info: MotionInfo) -> Motion:
+    """A motion without its course, which is many times as large."""
+    motion = read_motion(library, info)
+    library.network.rest()
+    return replace(motion, course=BodyCourse(motion.course.rows[:1].copy()), postures=motion.postures_ahead(NOW, 1.0))
+
+
+def _with_only(library: MotionLibrary, *names: str) -> MotionLibrary:
+    """A library of some of the motions, where its network can be taken apart."""
+    if library.info.baked is not None:
+        return library
+    network = library.network.only(names)
+    kept = [info for info in library.info.motions if info.name in network.motions]
+    return MotionLibrary(msgspec.structs.replace(library.info, motions=kept), network, library.encoding)
 
 
 def _exits(motion: Motion, phases: int) -> tuple[Array, Array, Array]:

@@ -96,11 +96,15 @@ def settle(recipe: NetworkRecipe, lessons: Lessons, seed: int, judge: Judge) -> 
     """The network of a recipe, tested; one that chooses gets the apertures or the noise that hold in trials."""
     trainer = trainer_of(recipe)
     settled = trainer.settle(recipe, lessons, seed, judge)
-    verdicts = self_test(settled.network, judge)
-    if settled.failed:
-        verdicts = with_trials(verdicts, settled.failed)
-    elif trainer.stress_tested:
-        verdicts = stress_test(settled.network, verdicts, judge, seed)
+    verdicts: dict[str, MotionVerdict] = {}
+    for motion in judge.loops:
+        tested = self_test(settled.network, judge, (motion,))
+        if settled.failed:
+            tested = with_trials(tested, settled.failed)
+        elif trainer.stress_tested:
+            tested = stress_test(settled.network, tested, judge, seed)
+        verdicts |= tested
+        settled.network.rest()  # what plays is large beside what is stored
     return TrainedNetwork(seed, settled.network, verdicts, settled.weights)
 
 
@@ -143,6 +147,7 @@ def judged(library: MotionLibrary, recorded: Mapping[str, Recorded]) -> MotionLi
             found = {"against_recording": error, "body": part.body.info(), "passed": passed, "reason": reason}
             motion = msgspec.structs.replace(motion, **found)
         motions.append(motion)
+        library.network.rest()
     return MotionLibrary(msgspec.structs.replace(library.info, motions=motions), library.network, library.encoding)
 
 
@@ -155,12 +160,14 @@ def describe_motion(
     motion: MotionRecipe, frames: Array, network: AnyNetwork, verdict: MotionVerdict, anchor_every: int
 ) -> MotionInfo:
     """The header of a motion that was learned from frames (T, C)."""
+    recalled = network.recall(motion.name)
+    network.rest()
     return MotionInfo(
         name=motion.name,
         plays=motion.plays,
         frames=len(frames),
         source=motion.file,
-        nrmse=nrmse(network.recall(motion.name), frames[::anchor_every]),
+        nrmse=nrmse(recalled, frames[::anchor_every]),
         error_mm=verdict.error_mm,
         passed=verdict.passed,
         reason=verdict.reason,

@@ -238,10 +238,11 @@ def _examined(
     try:
         return analyse_recording(file, name, options, within, takes, plays, whole=whole)
     except SeveralPeopleError as error:
-        people = [(typeable(f"{name}-{person}"), replace(options, person=person)) for person in error.people]
-        return [one for name, own in people for one in _examined(file, name, own, takes, within, plays, whole)]
+        names = list(error.people)  # outlives the error, whose traceback holds what was read
     except MotiondeckError as error:
         return [LearnedMotion(name, file, remedy=str(error).removeprefix(f"{file}: "))]
+    people = [(typeable(f"{name}-{person}"), replace(options, person=person)) for person in names]
+    return [one for name, own in people for one in _examined(file, name, own, takes, within, plays, whole)]
 
 
 def _unlike(examined: list[AnalysedRecording]) -> list[AnalysedRecording]:

@@ -1,8 +1,9 @@
 """The training set of a recipe: recordings on one body at one rate, cut, closed or brought to rest."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, MutableMapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
+from itertools import chain
 from pathlib import Path
 
 import msgspec
@@ -28,6 +29,7 @@ from controller.motion.formats.reading import read_clip
 from controller.motion.rotations import Array, dot
 from controller.motion.skeleton import Skeleton
 from controller.networks.driving_input import DrivingInput
+from motiondeck_base.arrays_on_disk import ArraysOnDisk
 from motiondeck_base.errors import FileFormatError
 
 SHORTEST_SECONDS = 0.4  # of a recording: two windows of the self-test
@@ -57,7 +59,7 @@ class TrainingSet:
 
     encoding: Encoding
     rate: float
-    frames: dict[str, Array]  # of each motion, shape (T, channels), in the encoding's units
+    frames: MutableMapping[str, Array]  # of each motion, shape (T, channels), in the encoding's units
     loops: dict[str, bool]  # whether each motion is a loop
     before: dict[str, Array] = field(default_factory=dict[str, Array])  # recorded frames before `frames`, if any
     # Learned part of each recording; not for recordings learned as recorded.
@@ -81,7 +83,8 @@ class TrainingSet:
     def normalised(self) -> tuple[Sequence[TrainingMotion], Normalisation]:
         """The normalised training motions, each made when it is asked for, and the normalisation."""
         variants = [variant.frames for loops in self.variants.values() for variant in loops]
-        normalisation = Normalisation.fit([*self.frames.values(), *self.before.values(), *variants], self.least_range)
+        every = chain(self.frames.values(), self.before.values(), variants)
+        normalisation = Normalisation.fit([np.array([one.min(0), one.max(0)]) for one in every], self.least_range)
         return MotionsOnDemand(list(self.frames), partial(self._motion, normalisation)), normalisation
 
     def _motion(self, normalisation: Normalisation, name: str) -> TrainingMotion:
@@ -132,7 +135,9 @@ def prepare(
     encoding = encoding_of(_body(recipe, data, clips, actors), twist=twist)
     loops = {motion.name: motion.plays == "loop" for motion in recipe.motions}
     inputs = {motion.name: motion.input for motion in recipe.motions if motion.input}
-    found = TrainingSet(encoding, rate, {}, loops, least_range=trainer.least_range, inputs=inputs, actors=actors)
+    found = TrainingSet(
+        encoding, rate, ArraysOnDisk(), loops, least_range=trainer.least_range, inputs=inputs, actors=actors
+    )
     for motion in recipe.motions:
         clip = clips[motion.name]
         if motion.input:

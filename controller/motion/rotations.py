@@ -3,6 +3,7 @@
 All functions broadcast over the leading axes. A quaternion rotates a vector by  v' = q v q*.
 """
 
+from collections.abc import Callable
 from functools import cached_property
 from math import cos, sin, sqrt
 
@@ -16,6 +17,7 @@ Indices = NDArray[np.int64]
 IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
 
 _TINY = 1e-150  # replaces 0 in divisors
+_BLOCK = 2048  # frames
 
 # Of Newton's method in `best_fit`: iterations, and the least distance between the best and the second rotation.
 _MOST_ROUNDS = 50
@@ -229,6 +231,18 @@ def from_matrix(m: Array) -> Array:
 def to_matrix(q: Array) -> Array:
     """Rotation matrices (..., 3, 3) of unit quaternions (..., 4)."""
     return np.stack([rotate(q, axis) for axis in np.eye(3)], axis=-1)
+
+
+def by_blocks(of: Callable[..., Array], *frames: Array) -> Array:
+    """The result (T, ...) of a function of single frames (T, ...), computed in blocks to keep intermediates small."""
+    first = of(*(values[:_BLOCK] for values in frames))
+    if len(frames[0]) <= _BLOCK:
+        return first
+    out = np.empty((len(frames[0]), *first.shape[1:]))
+    out[:_BLOCK] = first
+    for start in range(_BLOCK, len(out), _BLOCK):
+        out[start : start + _BLOCK] = of(*(values[start : start + _BLOCK] for values in frames))
+    return out
 
 
 def yaw(angle: Array | float) -> Array:

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from types import EllipsisType
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, Protocol, Self, TypeVar
 
@@ -131,6 +131,14 @@ class Network(NamedMotions[Motion], ABC):
     @abstractmethod
     def twin(self, runs: int | None = None) -> Self:
         """The same weights with an independent state, of one run or of several."""
+
+    def only(self, motions: Collection[str]) -> Self:
+        """The network with some of its motions; with all of them where they cannot be taken apart."""
+        return self
+
+    def rest(self) -> None:
+        """Frees what was computed from the stored arrays to play; it is computed again when a motion plays."""
+        return
 
     @abstractmethod
     def anchors(self, motion: str) -> Channels:

@@ -135,32 +135,35 @@ def tempos_in_step(lasts: Sequence[float], weights: Sequence[float]) -> tuple[fl
 @once_a_library
 def read_motions(library: MotionLibrary) -> Mapping[str, Motion]:
     """The motions of a library by name; a one-shot may be entered at its beginning only."""
-    motions, network = {}, library.network.twin()
-    for info in library.info.motions:
-        frames = library.network.anchors(info.name)
-        spacing = info.frames / len(frames) / library.info.rate
-        loop = info.plays == "loop"
-        places = 1e-3 * joint_features(library.encoding, frames)
-        velocities = _rate(places, spacing, loop=loop)
-        moving = len(frames) if loop else _moving(places)
-        entries = moving if loop else max(1, int(ENTRY_SHARE * moving))
-        postures, played = _played(library, network, info, frames)
-        speed, acceleration = _peaks(library, played)
-        motions[info.name] = Motion(
-            name=info.name,
-            loop=loop,
-            places=places[:entries],
-            velocities=velocities[:entries],
-            exits=places if loop else places[-1:],
-            course=BodyCourse.of(postures, library.encoding.skeleton),
-            postures=postures,
-            spacing=spacing,
-            seconds=moving * spacing,
-            whole=_whole(network, info, spacing * len(frames), library.info.rate),
-            speed=speed,
-            acceleration=acceleration,
-        )
-    return motions
+    return {info.name: read_motion(library, info) for info in library.info.motions}
+
+
+def read_motion(library: MotionLibrary, info: MotionInfo) -> Motion:
+    """One motion of a library."""
+    network = library.network.twin()
+    frames = library.network.anchors(info.name)
+    spacing = info.frames / len(frames) / library.info.rate
+    loop = info.plays == "loop"
+    places = 1e-3 * joint_features(library.encoding, frames)
+    velocities = _rate(places, spacing, loop=loop)
+    moving = len(frames) if loop else _moving(places)
+    entries = moving if loop else max(1, int(ENTRY_SHARE * moving))
+    postures, played = _played(library, network, info, frames)
+    speed, acceleration = _peaks(library, played)
+    return Motion(
+        name=info.name,
+        loop=loop,
+        places=places[:entries].copy(),  # a view would hold all of them
+        velocities=velocities[:entries].copy(),
+        exits=places if loop else places[-1:].copy(),
+        course=BodyCourse.of(postures, library.encoding.skeleton),
+        postures=postures,
+        spacing=spacing,
+        seconds=moving * spacing,
+        whole=_whole(network, info, spacing * len(frames), library.info.rate),
+        speed=speed,
+        acceleration=acceleration,
+    )
 
 
 def _whole(network: AnyNetwork, info: MotionInfo, stored: float, rate: float) -> float:

@@ -19,16 +19,17 @@ from motiondeck_base.errors import MotiondeckError, UnknownNameError
 class FramePlayer:
     """Plays a frame network in continuous time, at the frames per second of its training; fits `base.Generator`.
 
-    One that a center drives is also sent to any phase and played backwards. Players of one library may share anchors.
+    One that a center drives is also sent to any phase and played backwards. Players of one library may share anchors;
+    one for a single motion needs those of no other.
     """
 
-    def __init__(self, network: FrameNetwork, rate: float, beside: FramePlayer | None = None) -> None:
+    def __init__(self, network: FrameNetwork, rate: float, beside: FramePlayer | None = None, only: str = "") -> None:
         self.network = network
         self.rate = rate
         self.pace = 1.0  # rate factor implied by the input
-        self.motions = network.motions
+        self.motions = (only,) if only else network.motions
         # Found once, before the loop: some networks compute all of a motion's anchors at every question.
-        self._anchors = beside._anchors if beside else {one: network.anchors(one) for one in network.motions}
+        self._anchors = beside._anchors if beside else {one: network.anchors(one) for one in self.motions}
         self._center = network.as_phase_network
         self._driven = self._center if self._center is not None and self._center.inputs else None
         self._frames = np.zeros((4, network.channels))

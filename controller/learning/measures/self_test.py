@@ -17,7 +17,7 @@ frame is further off than 40 mm.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -93,7 +93,7 @@ class Judge:
     def __init__(
         self,
         encoding: Encoding,
-        references: dict[str, Array],
+        references: Mapping[str, Array],
         loops: dict[str, bool],
         rate: float,
         *,

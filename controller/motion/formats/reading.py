@@ -65,6 +65,7 @@ def read_fitted(path: str | Path, options: ReadingOptions = AS_FOUND) -> FittedC
     if isinstance(found, Markers):
         if len(people := _people_in(found)) > 1:
             found = people[chosen_person(path, people, options.person)]
+            del people  # the markers of all others
         found, fit = _body_of_markers(found, Path(path).stem)
     if options.person is not None:
         found = replace(found, skeleton=replace(found.skeleton, name=f"{found.skeleton.name}-{options.person}"))

@@ -21,6 +21,7 @@ Phase, pieces, tempo and inputs besides the phase are those of `phase_driven`.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,6 +48,8 @@ class StoredPieces:
 class PhaseConceptorMotion(PhaseMotion):
     """One motion, ready to be played."""
 
+    made = ("states", "by_level", "by_piece")
+
     def __init__(
         self, stored: StoredPieces, course: PhaseCourse, reservoir: PhaseReservoir, driving: DrivingInput | None = None
     ) -> None:
@@ -55,32 +58,31 @@ class PhaseConceptorMotion(PhaseMotion):
         usual = np.full((len(phase), reservoir.drive_weights.shape[1]), self.usual, dtype=np.float32)
         # (p, u) at each frame and before, u as usual, shape (T + SETTLING_STEPS, I); I is 2 H, or 2 H + 1 with inputs.
         self.inputs = np.hstack([reservoir.harmonics_of(phase), usual])
+
+    @cached_property
+    def by_piece(self) -> list[tuple[Float32, Float32, Float32, Float32, Float32]]:
+        """The matrices of each piece, as views that a step multiplies with."""
+        stored, reservoir = self.stored, self.reservoir
         directions, mean, estimate = (a.astype(np.float32) for a in (stored.directions, stored.mean, stored.estimate))
         pieces, neurons, rank = directions.shape
         inputs = self.inputs.shape[1]
         # (A, W_phi, W_u, B) of each piece, shape (P, N, k + I + 1), to be multiplied with (z, p, u, 1).
-        self.drive = np.empty((pieces, neurons, rank + inputs + 1), dtype=np.float32)
-        self.drive[:, :, :rank] = reservoir.weights @ directions
-        self.drive[:, :, :rank] += reservoir.input_weights @ estimate[:, :, :-1]
-        self.drive[:, :, rank:-1] = np.hstack([reservoir.phase_weights, reservoir.drive_weights])
-        self.drive[:, :, -1] = mean @ reservoir.weights.T + reservoir.bias
-        self.drive[:, :, -1] += estimate[:, :, -1] @ reservoir.input_weights.T
+        drive = np.empty((pieces, neurons, rank + inputs + 1), dtype=np.float32)
+        drive[:, :, :rank] = reservoir.weights @ directions
+        drive[:, :, :rank] += reservoir.input_weights @ estimate[:, :, :-1]
+        drive[:, :, rank:-1] = np.hstack([reservoir.phase_weights, reservoir.drive_weights])
+        drive[:, :, -1] = mean @ reservoir.weights.T + reservoir.bias
+        drive[:, :, -1] += estimate[:, :, -1] @ reservoir.input_weights.T
         # S U' of each piece, shape (P, k, N).
-        self.project = np.ascontiguousarray(stored.strength[:, :, None] * directions.transpose(0, 2, 1))
-        self.offset = np.einsum("pkn,pn->pk", self.project, mean)  # S U' m of each piece, shape (P, k)
+        project = np.ascontiguousarray(stored.strength[:, :, None] * directions.transpose(0, 2, 1))
+        offset = np.einsum("pkn,pn->pk", project, mean)  # S U' m of each piece, shape (P, k)
         before = np.roll(np.arange(pieces), 1)
         # x = m + U z of the piece before, seen in the directions of this one: what its state is multiplied with, shape
         # (P, k, k), and what is added, (P, k).
-        self.hand_on = np.einsum("pnk,pnl->pkl", directions, directions[before])
-        self.shift = np.einsum("pnk,pn->pk", directions, mean[before] - mean)
-        # Views, made once and not in a step.
-        self.by_piece = [
-            (hand_on.T, shift, drive.T, project.T, offset)
-            for hand_on, shift, drive, project, offset in zip(
-                self.hand_on, self.shift, self.drive, self.project, self.offset, strict=True
-            )
-        ]
-        self.settle()
+        hand_on = np.einsum("pnk,pnl->pkl", directions, directions[before])
+        shift = np.einsum("pnk,pn->pk", directions, mean[before] - mean)
+        turned = zip(hand_on, shift, drive, project, offset, strict=True)
+        return [(hand.T, by, weights.T, onto.T, off) for hand, by, weights, onto, off in turned]
 
     def player(self, frame: int, state: Float32, level: float, runs: tuple[int, ...] = ()) -> PhaseConceptorPlayer:
         return PhaseConceptorPlayer(self, frame, state, level, runs)

@@ -45,7 +45,6 @@ class PhaseEchoStateMotion(PhaseMotion):
         self.driven = reservoir.harmonics_of(course.with_lead_in[0]) @ reservoir.phase_weights.T + reservoir.bias
         self.drive = reservoir.drive_weights.sum(1)  # W_u, shape (N,)
         self.recurrent = reservoir.weights.T
-        self.settle()
 
     def player(self, frame: int, state: Float32, level: float, runs: tuple[int, ...] = ()) -> PhaseEchoStatePlayer:
         return PhaseEchoStatePlayer(self, frame, state, level, runs)

@@ -10,7 +10,9 @@ A motion may have an input u besides the phase (`driving_input`): W_u u is added
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import Any, Generic, Self, TypeVar
+from collections.abc import Collection
+from functools import cached_property
+from typing import Any, ClassVar, Generic, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,8 +38,7 @@ class PhaseMotion(ABC):
 
     # Of each piece, in the units of the encoding, what is added in the last column, shape (P, C, k + 1).
     readout: Float32
-    states: Float32  # at each frame once the network has settled, shape (T, k)
-    by_level: Float32  # the same at each of LEVELS, shape (L, T, k), of a motion with an input
+    made: ClassVar[tuple[str, ...]] = ("states", "by_level")  # what is computed from the stored arrays once it is used
 
     def __init__(
         self, stored: Any, course: PhaseCourse, reservoir: PhaseReservoir, driving: DrivingInput | None = None
@@ -64,11 +65,20 @@ class PhaseMotion(ABC):
         share = np.float32(place - below)
         return (1 - share) * self.by_level[below, frame] + share * self.by_level[below + 1, frame]
 
-    def settle(self) -> None:
-        """Finds the states in which it settles."""
-        self.states = self.settled_at(self.usual)
-        levels = LEVELS if self.driving is not None else ()
-        self.by_level = np.stack([self.settled_at(level) for level in levels]) if len(levels) else self.states[None]
+    @cached_property
+    def states(self) -> Float32:
+        """The states in which it settles at each frame, shape (T, k)."""
+        return self.settled_at(self.usual)
+
+    @cached_property
+    def by_level(self) -> Float32:
+        """The same at each of LEVELS, shape (L, T, k), of a motion with an input."""
+        return np.stack([self.settled_at(level) for level in LEVELS])
+
+    def rest(self) -> None:
+        """Frees what was computed from the stored arrays; it is computed again when it is used."""
+        for name in self.made:
+            self.__dict__.pop(name, None)
 
     def settled_at(self, level: float) -> Float32:
         """The states that the motion is led to from wherever it starts, its input at a level, shape (T, k)."""
@@ -157,15 +167,23 @@ class PhaseDrivenNetwork(ReservoirNetwork[Motion]):
         self.scales, self.seed, self.normalisation = scales, seed, normalisation
         self.reservoir = first.reservoir
         self._values: dict[str, float] = {}  # of the inputs that were set
-        self._player: PhasePlayer[Motion] = first.player(0, first.states[0], first.usual, runs)
+        state = np.zeros(first.readout.shape[2] - 1, dtype=np.float32)
+        self._player: PhasePlayer[Motion] = first.player(0, state, first.usual, runs)
         self.activation = self._player.activation
 
     def with_motions(self, more: dict[str, Motion], runs: int | None = None) -> Self:
         return type(self)(self.scales, self.seed, self.normalisation, self._of | more, lead_shape(runs))
 
+    def only(self, motions: Collection[str]) -> Self:
+        return type(self)(self.scales, self.seed, self.normalisation, {name: self[name] for name in motions})
+
     @property
     def as_phase_network(self) -> PhaseNetwork:
         return self
+
+    def rest(self) -> None:
+        for motion in self._of.values():
+            motion.rest()
 
     @property
     def inputs(self) -> dict[str, tuple[float, float]]:

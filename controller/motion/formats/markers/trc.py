@@ -48,10 +48,11 @@ def read_trc(path: str | Path, options: ReadingOptions = AS_FOUND) -> Markers:
     rows = texts[5:]
     if len(rows) * len(names) * 3 > MOST_NUMBERS:
         raise FileFormatError(f"{path}: {len(rows)} frames of {len(names)} markers do not fit into memory. Cut it.")
-    numbers = np.empty((len(rows), 3 * len(names)))
-    for frame, (number, text) in enumerate(rows):
-        numbers[frame] = _row(Line(path, number, text.rstrip().split("\t")), 3 * len(names))
-    position = numbers.reshape(-1, len(names), 3) * unit
+    position = np.empty((len(rows), len(names), 3))
+    for seen, (number, text) in zip(position, rows, strict=True):
+        seen.flat = _row(Line(path, number, text.rstrip().split("\t")), 3 * len(names))
+        seen *= unit
+        seen[~(np.abs(seen).max(axis=-1) < FARTHEST)] = np.nan
     announced = as_float(fields.get("numframes", "")) or 0.0
     # A cropped recording keeps the number in line 3; a broken transfer ends within a line.
     if len(rows) == 0 or (len(rows) < announced and len(rows[-1][1].split("\t")) < len(rows[0][1].split("\t"))):
@@ -59,7 +60,6 @@ def read_trc(path: str | Path, options: ReadingOptions = AS_FOUND) -> Markers:
             f"{path}: {announced:g} frames are announced, but {len(rows)} follow, and the last line is cut short. "
             "Fetch it again."
         )
-    position[~(np.abs(position).max(axis=-1) < FARTHEST)] = np.nan
     if np.isnan(position).all():
         raise FileFormatError(f"{path}: no marker was ever seen ({listed(names)}). Give another recording.")
     return Markers(options.renamed(names, path), rate, position, options.up, Path(path).name)

@@ -1,0 +1,43 @@
+"""Arrays by name in a temporary file that has no name, so that memory holds those in use only."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, MutableMapping
+from tempfile import TemporaryFile
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+class ArraysOnDisk(MutableMapping[str, Array]):
+    """Arrays of float64; each access reads its own copy. Pickled, it is a dictionary."""
+
+    def __init__(self) -> None:
+        self._file = TemporaryFile()  # noqa: SIM115 (closed with this object)
+        self._places: dict[str, tuple[int, tuple[int, ...]]] = {}  # first byte and shape
+
+    def __setitem__(self, name: str, array: Array) -> None:
+        self._places[name] = self._file.seek(0, os.SEEK_END), array.shape
+        self._file.write(np.ascontiguousarray(array, dtype=np.float64).data)
+
+    def __getitem__(self, name: str) -> Array:
+        first, shape = self._places[name]
+        out = np.empty(shape)
+        self._file.seek(first)
+        self._file.readinto(out.data)
+        return out
+
+    def __delitem__(self, name: str) -> None:
+        del self._places[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._places)
+
+    def __len__(self) -> int:
+        return len(self._places)
+
+    def __reduce__(self) -> tuple[type, tuple[dict[str, Array]]]:
+        return dict, (dict(self),)
