@@ -19,8 +19,7 @@ from controller.deck.joins.joining import Joining
 from controller.deck.performance import VELOCITY_REACH
 from controller.deck.routes import Routes
 from controller.deck.switch import CommandedSwitch
-from controller.library.library_header import MotionInfo
-from controller.library.motion_library import MotionLibrary
+from controller.library.motion_library import MotionInfo, MotionLibrary
 from controller.motion.rotations import Array
 
 PHASES = 24  # at how many places a loop is left

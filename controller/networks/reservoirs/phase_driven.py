@@ -78,7 +78,7 @@ class PhaseMotion(ABC):
     def rest(self) -> None:
         """Frees what was computed from the stored arrays; it is computed again when it is used."""
         for name in self.made:
-            self.__dict__.pop(name, None)
+            vars(self).pop(name, None)
 
     def settled_at(self, level: float) -> Float32:
         """The states that the motion is led to from wherever it starts, its input at a level, shape (T, k)."""

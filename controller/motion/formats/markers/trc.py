@@ -50,7 +50,8 @@ def read_trc(path: str | Path, options: ReadingOptions = AS_FOUND) -> Markers:
         raise FileFormatError(f"{path}: {len(rows)} frames of {len(names)} markers do not fit into memory. Cut it.")
     position = np.empty((len(rows), len(names), 3))
     for seen, (number, text) in zip(position, rows, strict=True):
-        seen.flat = _row(Line(path, number, text.rstrip().split("\t")), 3 * len(names))
+        row = _row(Line(path, number, text.rstrip().split("\t")), seen.size)
+        seen[:] = np.reshape(row, seen.shape)
         seen *= unit
         seen[~(np.abs(seen).max(axis=-1) < FARTHEST)] = np.nan
     announced = as_float(fields.get("numframes", "")) or 0.0
