@@ -131,3 +131,15 @@ def test_one_rotation_turns_many_as_it_turns_each():
     each = r.multiply(np.broadcast_to(p, q.shape), q)
     np.testing.assert_allclose(r.multiply(p, q), each, atol=1e-15)
     np.testing.assert_allclose(r.multiply(p, q[0, 0]), each[0, 0], atol=1e-15)
+
+
+def test_blocks_of_frames_make_what_all_frames_together_make():
+    frames = np.random.default_rng(0).standard_normal((5000, 3))
+    seen: list[int] = []
+
+    def doubled(values):
+        seen.append(len(values))
+        return 2.0 * values
+
+    assert np.array_equal(r.by_blocks(doubled, frames), 2.0 * frames)
+    assert max(seen) < len(frames) == sum(seen)
