@@ -24,7 +24,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from controller.motion.rotations import Array, best_fit, by_blocks, dot, multiply, normalise
+from controller.motion.rotations import BLOCK, Array, best_fit, by_blocks, dot, multiply, normalise
 from controller.motion.skeleton import Skeleton
 
 Vector: TypeAlias = Iterable[Any]  # x, y, z: each a float, or an array over the frames
@@ -40,12 +40,8 @@ def orient(skeleton: Skeleton, direction: Array) -> Array:
     Directions are finite unit vectors, shape (..., B, 3); a bone with a zero vector moves with its parent. The result
     has the shape (..., 1 + B, 4), with rotate(result[..., 1:, :], rest_direction) == direction.
     """
-    if direction.ndim == 3:
-        return by_blocks(partial(_orient, skeleton), direction)
-    return _orient(skeleton, direction)
-
-
-def _orient(skeleton: Skeleton, direction: Array) -> Array:
+    if direction.ndim == 3 and len(direction) > BLOCK:
+        return by_blocks(partial(orient, skeleton), direction)
     first = skeleton.first
     hanging = direction.take(first, axis=-2).swapaxes(-1, -2)
     root = best_fit(hanging @ skeleton.rest_direction[first])

@@ -17,7 +17,7 @@ Indices = NDArray[np.int64]
 IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
 
 _TINY = 1e-150  # replaces 0 in divisors
-_BLOCK = 2048  # frames
+BLOCK = 2048  # frames
 
 # Of Newton's method in `best_fit`: iterations, and the least distance between the best and the second rotation.
 _MOST_ROUNDS = 50
@@ -235,13 +235,13 @@ def to_matrix(q: Array) -> Array:
 
 def by_blocks(of: Callable[..., Array], *frames: Array) -> Array:
     """The result (T, ...) of a function of single frames (T, ...), computed in blocks to keep intermediates small."""
-    first = of(*(values[:_BLOCK] for values in frames))
-    if len(frames[0]) <= _BLOCK:
+    first = of(*(values[:BLOCK] for values in frames))
+    if len(frames[0]) <= BLOCK:
         return first
     out = np.empty((len(frames[0]), *first.shape[1:]))
-    out[:_BLOCK] = first
-    for start in range(_BLOCK, len(out), _BLOCK):
-        out[start : start + _BLOCK] = of(*(values[start : start + _BLOCK] for values in frames))
+    out[:BLOCK] = first
+    for start in range(BLOCK, len(out), BLOCK):
+        out[start : start + BLOCK] = of(*(values[start : start + BLOCK] for values in frames))
     return out
 
 

@@ -9,7 +9,7 @@ from typing import ClassVar
 import msgspec
 import numpy as np
 
-from controller.motion.rotations import Array, FixedVectors, Indices, by_blocks, multiply, yaw
+from controller.motion.rotations import BLOCK, Array, FixedVectors, Indices, by_blocks, multiply, yaw
 from motiondeck_base.errors import FileFormatError
 
 ROOT = -1
@@ -133,11 +133,8 @@ class Skeleton:
 
         From root positions (..., 3), m, and world rotations of the root and of each bone (..., 1 + B, 4).
         """
-        if rotation.ndim == 3:
-            return by_blocks(self._joints, root_position, rotation)
-        return self._joints(root_position, rotation)
-
-    def _joints(self, root_position: Array, rotation: Array) -> Array:
+        if rotation.ndim == 3 and len(rotation) > BLOCK:
+            return by_blocks(self.joints, root_position, rotation)
         ends = root_position[..., None, :] + self.chain @ self._vectors.turned(rotation[..., 1:, :])
         return np.concatenate([root_position[..., None, :], ends], axis=-2)
 
