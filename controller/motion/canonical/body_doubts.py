@@ -1,14 +1,12 @@
 """Warnings about a recorded body, a line each with bone, reason, remedy: sizes, sides, height, axis, missing parts."""
 
-from functools import partial
-
 import numpy as np
 
 from controller.motion.anatomy import SIDES, named_anatomy
 from controller.motion.bone_names import named_parts
 from controller.motion.canonical.canonical_body import CANONICAL_BONES, NO_LENGTH, Landmarks, landmarks_of, to_canonical
 from controller.motion.clip import Clip
-from controller.motion.rotations import Array, by_blocks, dot, normalise, rotate
+from controller.motion.rotations import Array, dot, normalise, rotate
 from controller.motion.skeleton import Skeleton
 from motiondeck_base.errors import FileFormatError
 
@@ -76,7 +74,9 @@ def other_doubts(clip: Clip) -> list[str]:
             f"the body floats {floats:.2f} m above the ground all the time: the up axis may be wrong (--up), or the "
             "ground is elsewhere (--ground)."
         )
-    turns = by_blocks(partial(_turns, skeleton), clip.rotation)
+    # The angle of each bone from its rest pose relative to its parent, shape (T, B), degrees.
+    bones, above = clip.rotation[:, 1:], clip.rotation[:, 1 + skeleton.parent]
+    turns = np.degrees(2.0 * np.arccos(np.clip(np.abs(dot(bones, above)), 0.0, 1.0)))
     if np.ptp(turns, axis=0).max(initial=0.0) > MOVES and turns.max() < WITHIN_A_TURN:
         found.append(
             f"no joint turns by more than {turns.max():.1f} degrees: the file's angles may be radians. Write them in "
@@ -93,12 +93,6 @@ def other_doubts(clip: Clip) -> list[str]:
     if "lfoo" in marks.joint and _toes_ahead(own) < -0.3:
         found.append("the toes point backwards: names may have left and right exchanged (--rename).")
     return found
-
-
-def _turns(skeleton: Skeleton, rotation: Array) -> Array:
-    """The angle of each bone from its rest pose relative to its parent, shape (T, B), degrees."""
-    turned = dot(rotation[:, 1:], rotation[:, 1 + skeleton.parent])
-    return np.degrees(2.0 * np.arccos(np.clip(np.abs(turned), 0.0, 1.0)))
 
 
 def _lie(lines: Array) -> bool:
