@@ -10,6 +10,7 @@ from hypothesis.extra.numpy import array_shapes, arrays
 from motiondeck_base.arrays_on_disk import ArraysOnDisk
 
 
+@settings(max_examples=20)
 @given(
     st.lists(st.tuples(st.sampled_from("abc"), arrays(np.float64, array_shapes(max_dims=2, max_side=4))), max_size=8)
 )
