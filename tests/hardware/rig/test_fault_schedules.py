@@ -118,7 +118,6 @@ def _to_and_fro(reach, now):
         ("one of two goes on alone", 900083, "driven on without its other servo"),
         ("times of two unlike", 900220, "rad apart"),
         ("goal given up in a silence", 295200156, "moved at another's recovery"),
-        ("strain kept at a recovery", 295310009, "caught up too fast"),
         ("paths that part", 295310034, "work against each other"),
         ("goal taken for a path", 295200253, "ran past the goal at which it was held"),
         ("no identity check", 70005, "torque came on in another model's servo"),
