@@ -1,11 +1,13 @@
-"""Reading TOML into typed structures; errors name the file, each wrong key and what is allowed there."""
+"""Reading TOML into typed structures; errors name the file, the line, each wrong key and what is allowed there."""
 
 import re
 import tomllib
+from bisect import bisect_left
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from pathlib import Path
 from types import UnionType
-from typing import Any, Literal, TypeVar, Union, get_args, get_origin
+from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
 
 import msgspec
 
@@ -16,15 +18,20 @@ from motiondeck_base.mistaken_files import what_it_is
 from motiondeck_base.near_names import near_names
 
 T = TypeVar("T")
+Keys = tuple[str | int, ...]
+"""The keys, and the indices from 0, that lead to a value."""
 _ENDLESS = re.compile(r"[\d_]{4301}")
+_ENDS = ("", "]", "]]", "]}", "]}]", '"""', "'''")  # what may close the first lines of a TOML text
 
 
 def read_toml(path: Path, shape: type[T]) -> T:
     """The contents of a TOML file as a msgspec structure that forbids unknown fields.
 
-    A FileFormatError has one line per problem, with the file, the place, and the allowed keys or the expected type.
+    A FileFormatError has one line per problem: the file, the line in it, the place, and the allowed keys or the
+    expected type.
     """
-    return shaped(parse_toml(path)[1], shape, str(path), SMALLEST)
+    text, tree = parse_toml(path)
+    return shaped(tree, shape, str(path), SMALLEST, text)
 
 
 def parse_toml(path: Path) -> tuple[str, dict[str, Any]]:
@@ -49,41 +56,84 @@ def parse_toml(path: Path) -> tuple[str, dict[str, Any]]:
         raise FileFormatError(f"{path}: lists or tables stand too deep in each other; take brackets away") from None
 
 
-def shaped(tree: object, shape: type[T], place: str, smallest: float = 0.0) -> T:
+def shaped(tree: object, shape: type[T], place: str, smallest: float = 0.0, text: str = "") -> T:
     """A tree of plain values as a msgspec structure; `place` is what errors call the tree.
 
     Numbers that are not finite, too large, or below `smallest` in size are refused, see `file_numbers`. FileFormatError
-    if the tree does not fit; one line per problem.
+    if the tree does not fit; one line per problem, with its line in `text`, the TOML text of the tree, if given.
     """
-    impossible = [f"{key_path(keys)} {problem}" for keys, problem in impossible_numbers(tree, smallest)]
-    if impossible:
-        raise FileFormatError.listing(place, impossible)
+    problems = [(keys, f"{key_path(keys)} {problem}") for keys, problem in impossible_numbers(tree, smallest)]
     try:
-        return msgspec.convert(tree, shape, strict=True)
+        if not problems:
+            return msgspec.convert(tree, shape, strict=True)
     except msgspec.ValidationError:
-        raise FileFormatError.listing(place, _problems(tree, shape, "")) from None
+        problems = _problems(tree, shape, ())
+    lines = _Lines(text)
+    raise FileFormatError("\n".join(f"{place}{lines.naming(keys)}: {problem}" for keys, problem in problems))
 
 
-def _problems(tree: object, shape: Any, where: str) -> list[str]:
+class _Lines:
+    """Where values stand in a TOML text: found in what its first lines alone say."""
+
+    def __init__(self, text: str) -> None:
+        self._lines = text.splitlines(keepends=True)
+        self._trees: dict[int, Any] = {0: {}}
+
+    def naming(self, keys: Keys) -> str:
+        """Such as " line 3", on which a value begins, or the table that lacks it; "" where that is the whole text."""
+        depth = self._depth(keys, last := len(self._lines))
+        line = bisect_left(range(last + 1), depth, key=lambda count: self._depth(keys, count))
+        return f" line {line}" if line else ""
+
+    def _depth(self, keys: Keys, count: int) -> int:
+        """How many of the keys the first lines have."""
+        part = self._tree(count)
+        for depth, key in enumerate(keys):
+            try:
+                part = part[key]
+            except (KeyError, IndexError, TypeError):
+                return depth
+        return len(keys)
+
+    def _tree(self, count: int) -> Any:
+        """The contents of the first lines, with what they leave open closed; of fewer where that fails."""
+        for end in _ENDS:
+            if count not in self._trees:
+                with suppress(tomllib.TOMLDecodeError):
+                    self._trees[count] = tomllib.loads("".join(self._lines[:count]) + end)
+        return self._trees[count] if count in self._trees else self._tree(count - 1)
+
+
+def _problems(tree: object, shape: Any, where: Keys) -> list[tuple[Keys, str]]:
     """Every problem of a tree below some keys; msgspec stops at the first one, so each part is converted alone."""
     try:
         msgspec.convert(tree, shape, strict=True)
     except msgspec.ValidationError as error:
-        message = str(error)
+        message = re.sub(r" - at `\$[^`]*`$", "", str(error))
     else:
         return []
     shape = _member(shape, tree)
     found = list(_wrong_keys(tree, shape, where))
     for key, part, part_shape in _parts(tree, shape):
-        found += _problems(part, part_shape, f"{where}.{key}" if where else key)
-    if isinstance(tree, str) and (choices := list(_choices(shape))):
-        return [f"'{tree}' is none of {', '.join(choices)}{_at(where)}"]
+        found += _problems(part, part_shape, (*where, key))
+    if isinstance(tree, str | int) and (choices := list(_choices(shape))):
+        return [(where, f"{tree!r} is none of {', '.join(choices)}{_at(where)}")]
+    if found:
+        return found
     # A problem of the whole: a wrong type, a value out of range, or what the structure itself checks.
-    return found or [_lower(in_file_words(re.sub(r" - at `\$[^`]*`$", "", message))) + _at(where)]
+    words = in_file_words(message)
+    own = words == message and where
+    return [((*where, *_meant(message)), f"{key_path(where)}: {words}" if own else f"{words}{_at(where)}")]
 
 
-def _wrong_keys(tree: object, shape: Any, where: str) -> Iterator[str]:
-    """The unknown and the missing keys of one table."""
+def _meant(message: str) -> Keys:
+    """The list item that a structure's own check names last, as "joint 2 (neck)", or the key that it begins with."""
+    items = re.findall(r"(\w+) (\d+) \(", message)
+    return (f"{items[-1][0]}s", int(items[-1][1]) - 1) if items else (message.split(" ", 1)[0],)
+
+
+def _wrong_keys(tree: object, shape: Any, where: Keys) -> Iterator[tuple[Keys, str]]:
+    """The unknown and the missing keys of one table; a mistyped key is not missing too."""
     if not (isinstance(tree, dict) and _is_struct(shape)):
         return
     fields = msgspec.structs.fields(shape)
@@ -91,18 +141,21 @@ def _wrong_keys(tree: object, shape: Any, where: str) -> Iterator[str]:
     allowed = [field.encode_name for field in fields]
     if config.tag is not None:
         allowed.append(config.tag_field)
+    meant: list[str] = []
     for key in tree:
         if key not in allowed and config.forbid_unknown_fields:
             near = near_names(str(key), allowed, 1)
+            meant += near
             hint = f" Did you mean '{near[0]}'?" if near else ""
-            yield f"unknown key '{key}'{_at(where)}.{hint} Allowed are: {', '.join(sorted(allowed))}."
+            problem = f"unknown key '{key}'{_at(where)}.{hint} Allowed are: {', '.join(sorted(allowed))}."
+            yield (*where, key), problem
     for field in fields:
-        if field.required and field.encode_name not in tree:
-            yield f"missing key '{field.encode_name}'{_at(where)}"
+        if field.required and field.encode_name not in (*tree, *meant):
+            yield where, f"missing key '{field.encode_name}'{_at(where)}"
 
 
-def _parts(tree: object, shape: Any) -> Iterable[tuple[str, object, Any]]:
-    """The parts of a table or an array: key or number (from 1), value, and the type that it should fit."""
+def _parts(tree: object, shape: Any) -> Iterable[tuple[str | int, object, Any]]:
+    """The parts of a table or an array: key or index, value, and the type that it should fit."""
     if isinstance(tree, dict) and _is_struct(shape):
         fields = msgspec.structs.fields(shape)
         return [(f.encode_name, tree[f.encode_name], f.type) for f in fields if f.encode_name in tree]
@@ -111,12 +164,14 @@ def _parts(tree: object, shape: Any) -> Iterable[tuple[str, object, Any]]:
         return [(str(key), part, kinds[1]) for key, part in tree.items()]
     if isinstance(tree, list) and get_origin(shape) in (list, tuple):
         each = [kinds[0]] * len(tree) if len(kinds) == 1 or kinds[-1] is Ellipsis else kinds
-        return [(str(number), part, kind) for number, (part, kind) in enumerate(zip(tree, each, strict=False), 1)]
+        return [(index, part, kind) for index, (part, kind) in enumerate(zip(tree, each, strict=False))]
     return []
 
 
 def _member(shape: Any, tree: object) -> Any:
-    """The type of a union that the tree's tag picks, or else its only table or array; other types as they are."""
+    """The type of a union that the tree's tag picks, or else its only table or array; other types without bounds."""
+    if get_origin(shape) is Annotated:
+        shape = get_args(shape)[0]
     if get_origin(shape) not in (Union, UnionType):
         return shape
     members = get_args(shape)
@@ -142,9 +197,5 @@ def _is_struct(shape: Any) -> bool:
     return isinstance(shape, type) and issubclass(shape, msgspec.Struct)
 
 
-def _at(where: str) -> str:
-    return f" in [{where}]" if where else ""
-
-
-def _lower(message: str) -> str:
-    return message[:1].lower() + message[1:]
+def _at(where: Keys) -> str:
+    return f" in [{key_path(where)}]" if where else ""

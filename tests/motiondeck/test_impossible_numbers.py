@@ -195,10 +195,10 @@ def test_a_number_of_a_file_is_taken_or_refused_in_lines_that_name_the_file(tmp_
         (
             "rig",
             ("zero = 2048", f"zero = {'9' * 400}"),
-            "line 12: joint 1: zero is a number of about 400 digits; numbers",
+            "line 12: joints.1.zero is a number of about 400 digits; numbers",
         ),
         ("rig", ("zero = 2048", f"zero = {'9' * 5000}"), "line 12: the number is too long; numbers go up to 1e+15"),
-        ("rig", ("gear = 1.0", "gear = 1e-300"), "line 18: joint 1: gear is 1e-300; give 0, or 1e-12 or more"),
+        ("rig", ("gear = 1.0", "gear = 1e-300"), "line 18: joints.1.gear is 1e-300; give 0, or 1e-12 or more"),
         (
             "robot",
             ("[limits]", "root_rotation = [1e308, 0, 0, 0]\n[limits]"),

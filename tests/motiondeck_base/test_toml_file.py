@@ -80,19 +80,18 @@ named = {left = {size = 1.5}}
 """
     with pytest.raises(FileFormatError) as caught:
         read(tmp_path, text)
-    place = f"{tmp_path / 'thing.toml'}: "
+    place = f"{tmp_path / 'thing.toml'} line "
     lines = str(caught.value).split("\n")
     assert all(line.startswith(place) for line in lines)
     assert [line.removeprefix(place).split(" Did")[0].split(" Allowed")[0] for line in lines] == [
-        "unknown key 'nmae'.",
-        "missing key 'name'",
-        "unknown key 'radius' in [shape].",
-        "expected a number, not text in [shape.side]",
-        "expected a whole number, not text in [parts.2.size]",
-        "unknown key 'color' in [parts.3].",
-        "missing key 'size' in [parts.3]",
-        "expected a whole number, not a number with decimals in [named.left.size]",
-        "expected a whole number, not text in [span.2]",
+        "2: unknown key 'nmae'.",  # and no other line on the name that it should have been
+        "3: unknown key 'radius' in [shape].",
+        "3: expected a number, not text in [shape.side]",
+        "5: expected a whole number, not text in [parts.2.size]",
+        "5: unknown key 'color' in [parts.3].",
+        "5: missing key 'size' in [parts.3]",
+        "6: expected a whole number, not a number with decimals in [named.left.size]",
+        "4: expected a whole number, not text in [span.2]",
     ]
 
 
@@ -105,6 +104,47 @@ def test_each_wrong_part_has_a_line_of_its_own(wrong, unknown):
     assert {i for i in range(10) for line in lines if line.endswith(f"in [parts.{i + 1}.size]")} == wrong
     assert {i for i in range(10) for line in lines if f"'seize' in [parts.{i + 1}]" in line} == unknown
     assert len(lines) == len(wrong) + len(unknown)
+
+
+LINES = """# span = [
+span = [  # of lines
+  1, 2,
+]
+name = \'\'\'
+[[parts]]
+size = 3 \'\'\'
+shape = { type = "square", side = 2.0 }
+
+[[parts]]
+size = 1
+[[parts]]
+colour = "red"
+size = 2
+[named.left]
+size = 4
+[named]
+right.size = 5
+"""
+
+
+@pytest.mark.parametrize(
+    ("change", "line"),
+    [
+        (("1, 2", '1, "two"'), 3),
+        (("  1, 2,", "  1,\n  2,\n  3,"), 2),
+        (("span", "spam"), 2),
+        (("side = 2.0", "side = []"), 8),
+        (("size = 1", "size = 1\nseize = 2"), 12),
+        (("size = 2", ""), 12),
+        (("size = 2", "size = 2.5"), 14),
+        (("size = 4", 'size = "4"'), 16),
+        (("right.size = 5", "right.size = inf"), 18),
+    ],
+)
+def test_the_line_of_a_mistake_is_named(tmp_path, change, line):
+    assert read(tmp_path, LINES).parts[1].size == 2
+    with pytest.raises(FileFormatError, match=rf"thing\.toml line {line}: [^\n]*$"):
+        read(tmp_path, LINES.replace(*change))
 
 
 def test_a_missing_file_a_folder_and_junk_are_named(tmp_path):

@@ -65,7 +65,7 @@ def test_a_joint_may_differ_from_the_others(tmp_path):
         (
             GOOD.replace("kind =", "knid ="),
             FileFormatError,
-            r"robot.toml: unknown key 'knid'.*Did you mean 'kind'.*Allowed are: angles, groups, kind",
+            r"robot.toml line 3: unknown key 'knid'.*Did you mean 'kind'.*Allowed are: angles, groups, kind",
         ),
         (GOOD.replace("jerk", "jolt"), FileFormatError, r"'jolt' in \[limits\].*Allowed are: acceleration, jerk"),
         (
@@ -82,9 +82,9 @@ def test_a_joint_may_differ_from_the_others(tmp_path):
             "lower must be less than upper",
         ),
         (GOOD.replace("30.0", "-1.0"), FileFormatError, r"limits\.velocity is -1; it must be a positive number"),
-        (GOOD.replace("30.0", '"fast"'), FileFormatError, r"robot\.toml: .*limits\.velocity"),
+        (GOOD.replace("30.0", '"fast"'), FileFormatError, r"robot\.toml line 5: .*limits\.velocity"),
         (GOOD.replace("30.0", "inf"), FileFormatError, r"limits\.velocity is inf"),
-        (GOOD.replace('"mannequin"\n[', '"dog"\n['), FileFormatError, r"robot\.toml: .*dog"),
+        (GOOD.replace('"mannequin"\n[', '"dog"\n['), FileFormatError, r"robot\.toml line 3: .*dog"),
         (GOOD.replace("[limits]", "root_height = 0\n[limits]"), FileFormatError, "root_height is 0"),
         (GOOD.replace("[limits]", 'model = "x.xml"\n[limits]'), FileFormatError, "built, not loaded"),
         (GOOD.replace('kind = "mannequin"', 'kind = "humanoid"'), FileFormatError, "needs its MJCF or URDF file"),

@@ -92,7 +92,7 @@ def test_an_easing_begins_and_ends_at_rest(ease):
         ('unit = "deg"', "", 'nod.toml: the values have no unit. Write unit = "deg" or unit = "rad" above the keys'),
         ('"deg"', '"degrees"', "'degrees' is none of deg, rad"),
         ('"ease"', '"bounce"', r"'bounce' is none of smooth, ease, early, late, overshoot in \[key.2.easing\]"),
-        ("value = 20", "", r"a key needs a joint and its value, or else a pose of several in \[key.1\]"),
+        ("value = 20", "", r"line 7: key.1: a key needs a joint and its value, or else a pose of several"),
         ("value = 20", "valeu = 20", "Did you mean 'value'"),
         ("at = 1.0", "at = 3.0", "the key at 3 s is not before the end at 2 s. Set length"),
         ("at = 1.0", "at = 0.5", r"nod.toml: neck has two keys at 0.5 s. Leave one out"),

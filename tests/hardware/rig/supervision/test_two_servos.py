@@ -527,10 +527,10 @@ joints = [
         (("id = 3", "id = 4"), "line 6: id 4 is used more than once: joint 1 (shoulder, id 2), joint 2 (elbow, id 4)."),
         (
             ("id = 3", "ide = 3"),
-            "joint 1.second: unknown key 'ide'. Did you mean id? The keys here are id, direction, zero",
+            "line 5: unknown key 'ide' in [joints.1.second]. Did you mean 'id'? Allowed are: direction, id, zero.",
         ),
-        (("direction = -1", "direction = 0"), "0 is not allowed; -1 and 1 are"),
-        ((", zero = 2048 }", " }"), "joint 1.second: missing key 'zero'"),
+        (("direction = -1", "direction = 0"), "0 is none of -1, 1 in [joints.1.second.direction]"),
+        ((", zero = 2048 }", " }"), "missing key 'zero' in [joints.1.second]"),
     ],
 )
 def test_a_mistake_in_it_is_one_clear_line(tmp_path, change, said):
