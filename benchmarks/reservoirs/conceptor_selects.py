@@ -1,4 +1,4 @@
-"""What the conceptor, the prediction, the recurrence and the phase of a network with shared weights each do.
+"""What conceptor, prediction, recurrence and phase each do in one network.
 
     python -m benchmarks conceptor_selects --data DIR [--sources thesis15 cmu] [--seeds 21 22 23]
 
