@@ -1,5 +1,7 @@
 """The rig as the loop drives it, against emulated servos in simulated time."""
 
+from contextlib import closing
+
 import msgspec
 import numpy as np
 import pytest
@@ -358,7 +360,7 @@ def test_a_servo_that_is_deaf_for_a_moment_at_the_end_is_switched_off_too(rig, p
 
 
 def test_leaving_the_block_takes_the_torque_off(rig_of_four, bus, servos):
-    with pytest.raises(KeyError), Rig(rig_of_four, lambda part: bus):
+    with pytest.raises(KeyError), closing(Rig(rig_of_four, lambda part: bus)):
         raise KeyError
     assert registers(servos, "torque_enable") == [0] * 4
 
