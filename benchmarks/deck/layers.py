@@ -1,4 +1,4 @@
-"""Random schedules of layers and switches on a robot: how fast joints become, and whether others are left alone.
+"""Random schedules of layers and switches: how fast joints become.
 
 Each schedule begins with a motion of the library and gives three to seven commands, 0.05 to 2.5 s apart: a layer of a
 group or a joint with any motion, its weight 0.3, 0.7 or 1 and its tempo 0.5 or 1, the end of all layers, or a switch of

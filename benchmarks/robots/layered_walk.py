@@ -1,4 +1,4 @@
-"""Falls of robots that walk on their own feet while a layer moves their arms, beside the same walks without it.
+"""Falls of robots that walk while a layer moves their arms, or does not.
 
 Each seed begins the walk at another phase, with its own noise of the sensors and pushes from its own sides every 5 s,
 and commands `layer GROUP MOTION` at its own time within 2 to 6 s. Both walks of a seed have all of that in common but
