@@ -117,14 +117,14 @@ class Rig:
         self._join()
         self.goals = self.positions.copy()
         now = opened[0].bus.port.now()
-        self._pace, self._health = JointPace(config, RigScale(config), self.measured, now, spare), Health(config, now)
+        self.pace, self.health = JointPace(config, RigScale(config), self.measured, now, spare), Health(config, now)
         self._recoveries: list[PortRecovery] = []
         for port in opened:
-            port.left_out, port.goals = self._health.lost, self.goals
+            port.left_out, port.goals = self.health.lost, self.goals
             if port.part.through_turns and port.turns is not None:
                 report = partial(self._note_port, port)
                 self.turn_keepers.append(TurnKeeper(port, port.turns, self._scale, by_servo, of, report))
-            self._recoveries.append(PortRecovery(port, self._health, partial(open_bus, port.part), beside, sleep))
+            self._recoveries.append(PortRecovery(port, self.health, partial(open_bus, port.part), beside, sleep))
         self._keeping = KeeperThread(self.turn_keepers if beside else [])
 
     @classmethod
@@ -142,7 +142,7 @@ class Rig:
     @property
     def states(self) -> ServoStates:
         """The goal, the measurements and the condition of each servo."""
-        conditions, measured = self._health.conditions, self.measured
+        conditions, measured = self.health.conditions, self.measured
         for port in self._all_ports():
             if port.gone:
                 conditions[port.joints] = np.maximum(conditions[port.joints], _NO_ANSWER)
@@ -152,17 +152,7 @@ class Rig:
     @property
     def incidents(self) -> Sequence[Incident]:
         """The latest incidents, each naming its joint or the port, in order of time."""
-        return self._health.incidents
-
-    @property
-    def lost(self) -> NDArray[np.bool_]:
-        """The joints that the rig goes on without, shape (J,)."""
-        return self._health.lost
-
-    @property
-    def yielding(self) -> NDArray[np.bool_]:
-        """Which joints push against something and give way, shape (J,)."""
-        return self._pace.strain.yielding
+        return self.health.incidents
 
     @property
     def report(self) -> RigReport:
@@ -170,11 +160,6 @@ class Rig:
         faults = self.faults
         durations = self.write_us.percentiles, self.read_us.percentiles
         return RigReport(*durations, self.recoveries, faults.total, faults.by_joint(self.names))
-
-    @property
-    def pace(self) -> Array:
-        """The part of its speed limit that each joint may use now, shape (J,)."""
-        return self._pace.part
 
     def write(self, targets: Array) -> None:
         """Sends the targets (J,), rad, or as far towards them as the joints' limits allow by now, and requests states.
@@ -188,7 +173,7 @@ class Rig:
         if not ready:
             return
         with self.write_us:
-            pace, held = self._pace, ~np.isfinite(targets)
+            pace, held = self.pace, ~np.isfinite(targets)
             if np.logical_or.reduce(held):
                 self.faults.refused[:] += held
                 targets = np.where(held, self.goals, targets)
@@ -250,11 +235,11 @@ class Rig:
 
     def switch_off(self, joint: int) -> None:
         """Has the torque taken off a joint; the rig goes on without it until `set_up_again`."""
-        self._health.take_out(joint, self._now())
+        self.health.take_out(joint, self._now())
 
     def set_up_again(self, joint: int) -> None:
         """Counts on a joint again: one without torque is set up and switched on where it stands, beside the loop."""
-        self._health.take_back(joint, self._now())
+        self.health.take_back(joint, self._now())
 
     def restart(self, joint: int) -> None:
         """Restarts a joint's servo beside the loop; it is then set up again, and the others of its port hold meanwhile.
@@ -263,7 +248,7 @@ class Rig:
         """
         servo = self.config.joints[joint]
         servo.check_restartable()
-        self._health.take_back(joint, self._now())
+        self.health.take_back(joint, self._now())
         self._recovery_of(joint).to_do = lambda bus: [bus.restart(one.id) for one in servo.servos]
 
     def registers(self, joint: int, write: tuple[str, int] | None = None) -> RegisterReading:
@@ -274,7 +259,7 @@ class Rig:
         servo, measured = self.config.joints[joint], self.measured
         queue = self._recovery_of(joint).port.readings.register_readings
         reading = RegisterReading(joint, servo, write)
-        if write is not None and (measured.torque[joint] or not self._health.off[joint]):
+        if write is not None and (measured.torque[joint] or not self.health.off[joint]):
             raise RigError(f"registers of {servo.name} are written only while its torque is off: switch it off first.")
         if measured.missed_in_a_row[joint] > 2:
             raise RigError(f"{servo.label} does not answer.")
@@ -290,7 +275,7 @@ class Rig:
         """
         if self._stopped or any(one.under_way or one.to_do is not None for one in self._recoveries):
             raise RigError("the rig is busy with its servos. Try again.")
-        if np.logical_or.reduce((self.measured.missed_in_a_row > 0) & ~self._health.lost):
+        if np.logical_or.reduce((self.measured.missed_in_a_row > 0) & ~self.health.lost):
             raise RigError("a servo does not answer just now. Try again when the rig has recovered or given up on it.")
         scan = PortScan(self.config.servos, len(self._recoveries))
         for one in self._recoveries:
@@ -346,9 +331,9 @@ class Rig:
         self._join()
         self.goals[recovered.joints] = recovered.held.angles[recovered.firsts]
         self.recoveries += 1
-        self._health.recovered(port.joints, now)
-        self._pace.start_again(port.joints, now)
-        port.keep_pace(self._pace.of_servos)
+        self.health.recovered(port.joints, now)
+        self.pace.start_again(port.joints, now)
+        port.keep_pace(self.pace.of_servos)
 
     def _recover_port(self, one: PortRecovery, error: SerialPortError) -> None:
         """Starts to reopen a port that has vanished; raises RigError if the rig file does not want that."""
@@ -360,17 +345,17 @@ class Rig:
         one.start(self.config.reconnect_s)
 
     def _note_port(self, port: ServoPort, what: str, *, fault: bool = True) -> None:
-        self._health.incidents.append(Incident(self._now(), f"the port {port.part.port}", what, fault))
+        self.health.incidents.append(Incident(self._now(), f"the port {port.part.port}", what, fault))
 
     def _look_after(self) -> None:
         """Eases hot joints, has joints recovered, and stops the rig (RigError) for a lost one or goes on without it."""
         recovering = [one.port.joints for one in self._recoveries if one.under_way]
         if len(recovering) == len(self._recoveries):
             return
-        health, measured, now = self._health, self.measured, self._now()
-        self._pace.strain.note(measured.currents, now)
-        self._pace.ease.note(measured.temperatures, measured.voltages)
-        health.look(measured, self.goals, self._pace.strain.yielding, recovering, now)
+        health, measured, now = self.health, self.measured, self._now()
+        self.pace.strain.note(measured.currents, now)
+        self.pace.ease.note(measured.temperatures, measured.voltages)
+        health.look(measured, self.goals, self.pace.strain.yielding, recovering, now)
         if np.logical_or.reduce(health.fatal):
             if self.config.on_loss == "stop" or any(self._has_lost_all(port) for port in self._all_ports()):
                 self._stopped = True
@@ -387,7 +372,7 @@ class Rig:
 
     def _has_lost_all(self, port: ServoPort) -> bool:
         """Whether the last joint of a port is lost just now; one of which all were switched off does no harm."""
-        fatal, lost = self._health.fatal[port.joints], self._health.lost[port.joints]
+        fatal, lost = self.health.fatal[port.joints], self.health.lost[port.joints]
         return bool(fatal.any() and (fatal | lost).all())
 
     def _loosen(self, joints: NDArray[np.bool_]) -> None:

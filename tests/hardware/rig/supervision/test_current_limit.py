@@ -156,7 +156,7 @@ def test_a_weak_joint_that_pushes_below_its_limit_is_not_taken_for_idle():
     rig = gripper.rig()
     gripper.drive.jammed[0] = True
     assert gripper.play(rig, lambda t: 0.6, 3.0)[-1] == pytest.approx(0.22, abs=0.01)
-    assert (rig.recoveries, list(rig.yielding)) == (0, [False])
+    assert (rig.recoveries, list(rig.pace.strain.yielding)) == (0, [False])
 
 
 def test_a_simulated_rig_keeps_the_limit_too():

@@ -67,7 +67,7 @@ def test_it_holds_with_its_current_and_opens_again(model, current):
     jaw.play(-0.8, 2.0)
     held = jaw.play(-0.8, 4.0)
     assert held == pytest.approx(-current, rel=0.03)
-    assert not jaw.rig.yielding.any()
+    assert not jaw.rig.pace.strain.yielding.any()
     assert list(jaw.rig.incidents) == []
     assert jaw.angle == pytest.approx(AT, abs=0.03)
     jaw.play(0.8, 2.5)
@@ -77,7 +77,7 @@ def test_it_holds_with_its_current_and_opens_again(model, current):
 def test_a_joint_that_is_no_gripper_yields_there():
     jaw = Jaw(grip=False)
     jaw.play(-0.8, 3.0)
-    assert jaw.rig.yielding[0]
+    assert jaw.rig.pace.strain.yielding[0]
     assert any("gives way" in incident.what for incident in jaw.rig.incidents)
 
 

@@ -153,7 +153,7 @@ def test_going_on_survives_the_next_hiccup_a_restart_and_a_second_loss():
     play(rig, port, 0.3)
     port.bus[2].dead = True
     play(rig, port, 2.5, target=0.1)
-    assert rig.lost.tolist() == [False, True, False, False, False, False]
+    assert rig.health.lost.tolist() == [False, True, False, False, False, False]
     port.elapse(0.5)  # the loop stalls
     play(rig, port, 1.5, target=0.2)
     assert rig.recoveries == 1
@@ -162,7 +162,7 @@ def test_going_on_survives_the_next_hiccup_a_restart_and_a_second_loss():
     assert rig.recoveries == 2
     port.bus[5].fail(32)
     play(rig, port, 2.0, target=0.4)
-    assert rig.lost.tolist() == [False, True, False, False, True, False]
+    assert rig.health.lost.tolist() == [False, True, False, False, True, False]
     assert rig.positions[[0, 2, 3, 5]] == pytest.approx(np.full(4, 0.4), abs=0.02)
 
 
@@ -174,7 +174,7 @@ def test_a_lost_servo_that_answers_again_is_set_up_again():
     play(rig, port, 2.5)
     port.bus[2].dead = False
     play(rig, port, 4.0, target=0.3)
-    assert not rig.lost.any()
+    assert not rig.health.lost.any()
     assert rig.positions == pytest.approx(np.full(6, 0.3), abs=0.02)
 
 
@@ -194,6 +194,6 @@ def test_a_servo_that_keeps_restarting_is_given_up_and_not_set_up_again():
         play(rig, port, 0.4)
         port.bus[4].reboot(port.now() + BOOT_TIME)
     play(rig, port, 1.0, target=0.2)
-    assert rig.lost.tolist() == [False, False, False, True, False, False]
+    assert rig.health.lost.tolist() == [False, False, False, True, False, False]
     assert rig.recoveries == 5
     assert rig.positions[[0, 1, 2, 4, 5]] == pytest.approx(np.full(5, 0.2), abs=0.02)

@@ -68,7 +68,7 @@ def test_a_joint_that_is_pushed_beyond_its_limit_gets_no_goal_there(rig, port, r
         rig.collect_state()
         rig.write(np.full(4, 5.0))
         port.elapse(TICK)
-    assert rig.yielding.tolist() == [False, False, True, False]
+    assert rig.pace.strain.yielding.tolist() == [False, False, True, False]
     sent = goals_on_the_wire(rig_of_four, port)
     assert (sent <= [joint.upper + 8e-4 for joint in rig_of_four.joints]).all()
 

@@ -94,7 +94,7 @@ def test_a_joint_that_pushes_with_all_its_voltage_lets_go():
     while arm.rig.recoveries == 0:
         before = arm.rig.goals[0]
         arm.play(lambda t: 0.3, 0.01)
-    assert (before, arm.rig.yielding[0]) == (pytest.approx(0.3, abs=0.01), False)
+    assert (before, arm.rig.pace.strain.yielding[0]) == (pytest.approx(0.3, abs=0.01), False)
     assert arm.rig.goals[0] == pytest.approx(0.0, abs=0.01)
 
 
@@ -116,9 +116,9 @@ def test_one_that_yields_pushes_with_half_of_its_current_whatever_its_motor_draw
     drive.supply[arm.servo.row], drive.jammed[arm.servo.row] = 14.8, True
     pushes = []
     for _ in range(40):
-        yielding = arm.rig.yielding[0]
+        yielding = arm.rig.pace.strain.yielding[0]
         arm.play(lambda t: 0.5, 0.05)
-        if yielding and not arm.rig.yielding[0]:
+        if yielding and not arm.rig.pace.strain.yielding[0]:
             pushes.append(drive.current[arm.servo.row] * drive.motor.stall_current * 1e-3 / (0.8 * 4.1))
     assert pushes
     assert max(pushes) < 0.6

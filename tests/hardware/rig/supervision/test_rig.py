@@ -119,12 +119,12 @@ def test_a_stalled_loop_starts_again_from_where_the_joints_stand_and_slowly(buil
     assert rig.faults.unsent.tolist() == [1] * 4
     rig.collect_state()
     assert rig.recoveries == 1
-    assert (rig.pace == 0.25).all()
+    assert (rig.pace.part == 0.25).all()
     play(rig, port, [1.0] * 4, 0.3)
     # A quarter of 4 rad/s for 0.3 s.
     assert (rig.positions < 0.35).all()
     assert play(rig, port, [1.0] * 4, 2.0) == 0.0
-    assert (rig.pace == 1.0).all()
+    assert (rig.pace.part == 1.0).all()
 
 
 def test_a_joint_that_turns_back_while_it_catches_up_does_not_hurry(build):
@@ -161,7 +161,7 @@ def test_a_joint_whose_goal_arrives_before_it_does_not_hurry_after_it(build, bac
     quarter, swing = 0.25 * 2.5, 0.1  # rad/s; a shaft swings about its path
     assert quarter - swing < -min(speeds) < quarter + swing
     assert abs(rig.positions[0] - target) < 0.02
-    assert (rig.pace == 1.0).all()
+    assert (rig.pace.part == 1.0).all()
 
 
 def test_a_joint_has_caught_up_with_a_target_that_stands_only_when_it_is_there(build):
@@ -170,8 +170,8 @@ def test_a_joint_has_caught_up_with_a_target_that_stands_only_when_it_is_there(b
     rig, port = build("dead:id=1,at=2.5,for=0.5", joints=(joint,))
     play(rig, port, [-1.2], 2.6)
     play(rig, port, [1.2], 1.0)
-    assert rig.pace[0] == 0.25
-    while rig.pace[0] < 1.0:
+    assert rig.pace.part[0] == 0.25
+    while rig.pace.part[0] < 1.0:
         play(rig, port, [1.2], TICK)
     assert abs(rig.positions[0] - 1.2) < 0.06
 
@@ -204,7 +204,7 @@ def test_a_short_stall_while_catching_up_is_no_reason_for_a_large_step(build):
     play(rig, port, [0.0] * 4, 0.5)
     port.elapse(0.5)
     play(rig, port, [1.4] * 4, 0.2)
-    assert (rig.pace == 0.25).all()
+    assert (rig.pace.part == 0.25).all()
     before = rig.goals.copy()
     port.elapse(0.12)
     play(rig, port, [1.4] * 4, TICK)
@@ -243,7 +243,7 @@ def test_a_target_beyond_a_limit_does_not_keep_a_joint_slow_after_a_recovery(bui
     port.elapse(0.5)
     play(rig, port, [3.0] * 4, 0.3)
     assert rig.recoveries == 1
-    assert (rig.pace == 1.0).all()
+    assert (rig.pace.part == 1.0).all()
 
 
 def test_a_servo_in_another_ones_place_is_not_switched_on_after_replugging(build):
@@ -302,7 +302,7 @@ def test_heat_slows_a_joint_from_12_to_2_degrees_below_its_limit(build, degrees,
     """An XM430 shuts down at 80 degC."""
     rig, port = build(f"overheat:id=1,at=0.5,value={degrees}")
     play(rig, port, [0.0] * 4, 0.6)
-    assert rig.pace == pytest.approx([part, 1.0, 1.0, 1.0], abs=0.06)
+    assert rig.pace.part == pytest.approx([part, 1.0, 1.0, 1.0], abs=0.06)
 
 
 def test_only_the_eased_joint_is_held_back_and_by_its_own_speed(build):
@@ -336,8 +336,8 @@ def test_a_servo_heard_again_before_its_watchdog_has_tripped_is_left_alone(build
 def test_a_hot_joint_gets_slower_before_it_shuts_down(build):
     rig, port = build("overheat:id=1,at=0.5,value=76")
     play(rig, port, [0.0] * 4, 1.0)
-    assert rig.pace[0] < 0.5
-    assert (rig.pace[1:] == 1.0).all()
+    assert rig.pace.part[0] < 0.5
+    assert (rig.pace.part[1:] == 1.0).all()
     play(rig, port, [1.0] * 4, 0.4)
     assert rig.positions[0] < 0.7 * rig.positions[3]
     assert play(rig, port, [1.0] * 4, 2.0) == 0.0
@@ -348,12 +348,14 @@ def test_a_blocked_joint_yields_before_it_shuts_down_and_catches_up_when_it_is_f
     rig, port = build("jam:id=1,at=0.5,for=6")
     play(rig, port, [0.0] * 4, 0.6)
     play(rig, port, [1.0] * 4, 4.0)
-    assert rig.yielding.tolist() == [True, False, False, False] or np.abs(rig.currents[0]) < 0.75 * 0.8 * 2.3
+    assert (
+        rig.pace.strain.yielding.tolist() == [True, False, False, False] or np.abs(rig.currents[0]) < 0.75 * 0.8 * 2.3
+    )
     assert port.bus[1]["hardware_error_status"] == 0
     assert rig.positions[1:] == pytest.approx([1.0] * 3, abs=0.02)
     play(rig, port, [1.0] * 4, 4.0)
     assert rig.positions == pytest.approx([1.0] * 4, abs=0.02)
-    assert not rig.yielding.any()
+    assert not rig.pace.strain.yielding.any()
 
 
 def test_it_may_hold_in_the_end(build):
@@ -479,7 +481,7 @@ def test_a_joint_switched_off_on_command_stays_limp_and_comes_back_slowly(build)
     play(rig, port, far, 0.5)
     rig.set_up_again(1)
     play(rig, port, far, 0.2)
-    assert (rig.pace[1], rig.positions[1] < 0.6) == (0.25, True)
+    assert (rig.pace.part[1], rig.positions[1] < 0.6) == (0.25, True)
     assert play(rig, port, far, 2.0) == 0.0
     assert port.bus[2]["torque_enable"] == 1
     assert conditions(rig) == ["well"] * 4

@@ -142,7 +142,7 @@ def test_a_loss_on_one_port_does_not_stop_a_rig_whose_other_joints_are_switched_
     for joint in (1, 3):
         bench.rig.switch_off(joint)
     bench.play(200)
-    assert bench.rig.lost.tolist() == [False, True, True, True]
+    assert bench.rig.health.lost.tolist() == [False, True, True, True]
 
 
 def test_ctrl_c_while_the_end_waits_for_a_recovery_leaves_no_torque_on(config, monkeypatch):

@@ -299,7 +299,7 @@ def test_their_paths_come_together_while_the_joint_catches_up():
     while not arm.rig.recoveries:
         arm.play(1.7, 0.01)
     arm.play(1.7, 1.0)
-    assert arm.rig.pace[1] < 1.0
+    assert arm.rig.pace.part[1] < 1.0
     assert abs(arm.currents[0] - arm.currents[1]) < 0.02 * STALL
 
 
@@ -316,7 +316,7 @@ def test_a_joint_that_is_held_for_a_moment_goes_on_catching_up(held_by):
     arm.second.dead = False
     speeds = np.diff(arm.play(1.7, 0.8)[:, 0]) / 0.01
     assert arm.rig.recoveries == 1
-    assert arm.rig.pace[1] < 1.0
+    assert arm.rig.pace.part[1] < 1.0
     assert 0.3 < speeds.max() < 0.6
 
 
@@ -363,7 +363,7 @@ def test_a_limit_of_current_holds_for_each():
     seen, yielded = arm.play(1.5, 2.0), []
     for _ in range(20):
         seen = np.concatenate([seen, arm.play(1.5, 0.05)])
-        yielded.append(arm.rig.yielding[1])
+        yielded.append(arm.rig.pace.strain.yielding[1])
     assert np.abs(seen[:, 2:]).max() <= 0.6 * 1.01
     assert any(yielded)
 

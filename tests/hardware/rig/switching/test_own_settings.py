@@ -124,7 +124,7 @@ def test_a_servo_is_hot_at_the_limit_that_it_keeps():
     rig = bench.rig()
     bench.servo.bank.drive.temperature[0] = 55.0
     bench.play(rig)
-    assert rig.pace[0] < 0.7
+    assert rig.pace.part[0] < 0.7
     assert rig.incidents[-1].what == "is getting hot: 55 degC, its limit is 60"
     bench.servo.bank.drive.temperature[0] = 62.0
     with pytest.raises(RigError, match=r"joint \(id 1\) is too hot: 62 degC, its limit is 60"):
