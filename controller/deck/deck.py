@@ -273,12 +273,13 @@ class Deck(Lockable):
         if self._inputs.present:
             for name, value in self._inputs.advance(dt).items():
                 playing.tracks.set_input(name, value)
+        for switch in (plan.fading, plan.blending):
+            if switch is not None and switch.first_change_s is None:
+                switch.first_change_s = self.time
         if playing.step(dt, tempo):
             plan.finish_fade(self.time)
         if playing.blend_problem and not plan.ahead:
             plan.give_up_blend(playing.blend_problem, self.time)
-        if plan.fading is not None and plan.fading.first_change_s is None:
-            plan.fading.first_change_s = self.time
         if plan.blending is not None:
             plan.update_blend(plan.blending, self.time)
         if (plan.ahead or plan.queued) and (motion := plan.take_next(self.time)) is not None:

@@ -101,7 +101,7 @@ class Performance:
         first = tracks.playing[0]
         restarted = first.restarted() if first.guard is not None else None
         if restarted is not None and tracks.alone:
-            first.restart_at(restarted)
+            first.player.cue_anchor(first.motion.name, restarted)
             self._fade_to_first(self.motion)
         return completed
 

@@ -71,8 +71,6 @@ class SwitchPlan:
         switch = self.fading
         if switch is None:
             return
-        if switch.first_change_s is None:
-            switch.first_change_s = time
         if switch is self.current and not self.ahead:
             if switch.blend:
                 self._blend(switch)
@@ -83,8 +81,6 @@ class SwitchPlan:
     def update_blend(self, switch: CommandedSwitch, time: float) -> None:
         """Notes the progress of a switch's blend, and drops the motions whose weight has become 0."""
         performance = self._performance
-        if switch.first_change_s is None:
-            switch.first_change_s = time
         if performance.tracks.crossing:
             return
         self.blending = None

@@ -124,14 +124,6 @@ def with_ways(tree: dict[str, Any], named: Callable[[str], str]) -> dict[str, An
     return tree | files | many | below
 
 
-def encoding_in(path: Path, info: LibraryInfo) -> Encoding:
-    """The encoding of a library, by its header; FileFormatError if its skeleton is damaged."""
-    try:
-        return ENCODINGS[info.encoding].restore(info.skeleton)
-    except FileFormatError as error:
-        raise FileFormatError(f"{path}: {error}") from None
-
-
 LARGEST_CHANNEL = 100.0  # of a frame: m, m/s, rad/s or rad; the shipped libraries stay below 10
 
 KIND = Kind("motion library", "motiondeck", VERSION, "`motiondeck learn`", OLDER)
@@ -181,7 +173,10 @@ def load_library(path: Path) -> MotionLibrary:
     """Reads and checks a library; a FileFormatError names in one line the file and what is wrong."""
     header, stored = read_arrays(path, KIND)
     info = read_header(path, header)
-    encoding = encoding_in(path, info)
+    try:
+        encoding = ENCODINGS[info.encoding].restore(info.skeleton)
+    except FileFormatError as error:
+        raise FileFormatError(f"{path}: {error}") from None
     network = network_kind(info.network).load(StoredNetwork(stored, info, encoding.channels))
     stored.finish()
     for motion in network.motions:

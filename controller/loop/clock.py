@@ -83,7 +83,9 @@ class Ticker:
 
     def wait(self) -> int:
         """Waits for the next deadline; returns how long after it the wait ended, ns."""
-        self._deadline += self._period + self._part_of_shift()
+        shift = min(max(self._shift, -round(EARLIER * self._period)), round(LATER * self._period))
+        self._shift -= shift
+        self._deadline += self._period + shift
         spare = self._deadline - self.now() - SPIN_NS
         if spare > 0:
             time.sleep(spare * 1e-9)
@@ -97,10 +99,3 @@ class Ticker:
                 self.skipped += missed
                 self._deadline += missed * self._period
         return late
-
-    def _part_of_shift(self) -> int:
-        if self._shift == 0:
-            return 0
-        part = min(max(self._shift, -round(EARLIER * self._period)), round(LATER * self._period))
-        self._shift -= part
-        return part

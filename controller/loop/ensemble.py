@@ -16,19 +16,12 @@ def all_limits(limits: Sequence[JointLimits]) -> JointLimits:
 
 
 def together(retargeters: Sequence[Retargeter]) -> Retargeter:
-    """Carries a pose to the joints of all robots; what carries it to a single one is given back as it is."""
-    return retargeters[0] if len(retargeters) == 1 else Ensemble(retargeters)
+    """Carries a pose to the joints of all robots, one after the other; for a single one its own retargeter."""
 
+    def all_targets(pose: Pose) -> Array:
+        return np.concatenate([retarget(pose) for retarget in retargeters])
 
-class Ensemble:
-    """Carries a pose to the joints of several robots; fits `interfaces.Retargeter`."""
-
-    def __init__(self, retargeters: Sequence[Retargeter]) -> None:
-        self._retargeters = list(retargeters)
-
-    def __call__(self, pose: Pose) -> Array:
-        """Joint targets of all robots, one after the other, rad."""
-        return np.concatenate([retarget(pose) for retarget in self._retargeters])
+    return retargeters[0] if len(retargeters) == 1 else all_targets
 
 
 class RobotOutput:

@@ -8,6 +8,7 @@ an output that lags: what it brakes, brakes at once.
 """
 
 import math
+from collections import deque
 from collections.abc import Sequence
 
 import numpy as np
@@ -51,23 +52,6 @@ class Delay:
         return self._shown
 
 
-class DelayedPoses:
-    """Delays poses by whole ticks; before the first one they were as it is."""
-
-    def __init__(self, ticks: int) -> None:
-        self._ring: list[Pose] = []
-        self._ticks, self._place = ticks, 0
-
-    def __call__(self, pose: Pose) -> Pose:
-        """Takes the pose of a tick; the delayed one."""
-        ring = self._ring
-        if not ring:
-            ring[:] = [pose] * (self._ticks + 1)
-        ring[self._place] = pose
-        self._place = (self._place + 1) % len(ring)
-        return ring[self._place]
-
-
 class Lead:
     """How far a deck runs ahead of the picture, and how late each output gets what it plays, in one run."""
 
@@ -81,7 +65,8 @@ class Lead:
         self.seconds = self._ticks * dt  # L, s
         self.delays = self.seconds - self._largest  # of the deck's targets on their way to the envelope, shape (J,), s
         self.before = Delay(self.delays, dt)  # delays the targets so
-        self._streams: list[tuple[Delay, DelayedPoses, bool]] = []
+        # Of each stream the delay of targets, the latest poses, the delayed one first, and whether it is corrected.
+        self._streams: list[tuple[Delay, deque[Pose], bool]] = []
         self._stream_of: list[int] = []
 
     def begin(self) -> None:
@@ -92,7 +77,7 @@ class Lead:
         alike = [(lag.tobytes(), one) for lag, one in zip(self._lags, corrected, strict=True)]
         distinct = list(dict.fromkeys(alike))
         self._streams = [
-            (Delay(self._largest - lag, dt), DelayedPoses(self._ticks - round(lag.max(initial=0.0) / dt)), own)
+            (Delay(self._largest - lag, dt), deque(maxlen=self._ticks - round(lag.max(initial=0.0) / dt) + 1), own)
             for lag, own in ((self._lags[alike.index(one)], one[1]) for one in distinct)
         ]
         self._stream_of = [distinct.index(one) for one in alike[1:]]
@@ -104,7 +89,10 @@ class Lead:
             added: what was added to the targets for outputs that are corrected; the others get them without it.
         """
         plain = targets if added is None else targets - added
-        streamed = [(late(targets if own else plain), poses(pose)) for late, poses, own in self._streams]
+        streamed: list[tuple[Array, Pose]] = []
+        for late, poses, own in self._streams:
+            poses.append(pose)
+            streamed.append((late(targets if own else plain), poses[0]))
         for channel, stream in zip(self._channels, self._stream_of, strict=True):
             channel.write(tick, *streamed[stream])
         return streamed[0]

@@ -20,7 +20,8 @@ class Channel:
     every: int = 1  # 1 for each tick, 2 for each second tick, and so on
     # The joint positions read last, shape (J,), rad, or None; NaN for a joint that is not measured.
     measured: Array | None = field(default=None, init=False)
-    # Where the output holds joints on its own, shape (J,), rad, NaN for others; None while it follows.
+    # Where the output holds joints on its own, shape (J,), rad, NaN for others; None while it follows. It follows again
+    # once its targets are there.
     held: Array | None = field(default=None, init=False)
     faults: int = field(default=0, init=False)
     fault: str = field(default="", init=False)

@@ -1,5 +1,7 @@
 """The phases of a run as a stream of safe targets: approach, play, home, emergency stop, and the final stop."""
 
+# ruff: noqa: D102 (`output_channel.Channel` documents what the properties of `Measuring` are)
+
 import math
 from collections.abc import Callable, Iterator, Sequence
 from itertools import chain
@@ -32,22 +34,11 @@ class Measuring(Protocol):
     """What measures joint positions, such as the channel of an output."""
 
     @property
-    def measured(self) -> Array | None:
-        """The latest positions, shape (J,), rad, NaN for a joint that is not measured; None before the first."""
-        ...
-
+    def measured(self) -> Array | None: ...
     @property
-    def held(self) -> Array | None:
-        """Where it holds joints on its own, shape (J,), rad, NaN for others; None while it follows its targets.
-
-        It follows again once its targets are there.
-        """
-        ...
-
+    def held(self) -> Array | None: ...
     @property
-    def at_rest(self) -> bool:
-        """Whether it holds its joints, if it brakes them on its own."""
-        ...
+    def at_rest(self) -> bool: ...
 
 
 class Source:
@@ -221,8 +212,9 @@ def _move_to(position: Array | None, envelope: SafetyEnvelope, dt: float) -> Ite
     while not envelope.at_rest:
         yield envelope.brake()
     if position is not None:
-        for targets in _approach_positions(Approach.within(envelope.limits, envelope.position, position), dt):
-            yield envelope(targets)
+        approach = Approach.within(envelope.limits, envelope.position, position)
+        for tick in range(math.ceil(approach.duration / dt)):
+            yield envelope(approach.at((tick + 1) * dt))
         while not envelope.at_rest:
             yield envelope.brake()
 
@@ -250,9 +242,3 @@ def _measured(channels: Sequence[Measuring], assumed: Array) -> Array:
         if channel.measured is not None and channel.measured.shape == present.shape:
             np.copyto(present, channel.measured, where=np.isfinite(channel.measured))
     return present
-
-
-def _approach_positions(approach: Approach, dt: float) -> Iterator[Array]:
-    """The joint positions of an approach, one a tick; the last is its goal."""
-    for tick in range(math.ceil(approach.duration / dt)):
-        yield approach.at((tick + 1) * dt)

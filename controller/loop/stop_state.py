@@ -67,7 +67,7 @@ class StopState:
         if presses > self.presses.get(source, 0):
             self.presses[source] = presses
             self.total = sum(self.presses.values())
-            self._stop()
+            self.phase = "latched" if self.phase in ("held", "latched") else "braking"
 
     def pull(self, source: str, pulled: bool) -> None:
         """A source that demands the stop as long as it is pulled, and until a reset after that."""
@@ -126,6 +126,3 @@ class StopState:
         """Checks that the joints may be moved; raises an EmergencyStopError if the emergency stop is on."""
         if self.stopped:
             raise EmergencyStopError("the emergency stop is on; release it with: reset")
-
-    def _stop(self) -> None:
-        self.phase = "latched" if self.phase in ("held", "latched") else "braking"

@@ -137,6 +137,7 @@ class LocalListener:
     """Accepts connections from programs of this user; never blocks, and never raises once it is open."""
 
     remote = False
+    replayed = unsigned = 0
 
     def __init__(self, port: int) -> None:
         """Takes a number, 0 for any free one; raises a SocketError if another deck has it, or it is out of range."""

@@ -40,21 +40,17 @@ class _StateHeader(msgspec.Struct, forbid_unknown_fields=True):
 
 
 class _Layout:
-    """The offsets of the parts of the file, and views of them."""
+    """The size of the file, and views of its parts."""
 
     def __init__(self, header_bytes: int, fields: Mapping[str, int], slots: int) -> None:
-        self.slots = slots
-        self.values = sum(fields.values())
-        self.control = -(-(16 + header_bytes) // 64) * 64
-        self.slot = self.control + 64
-        self.words = self.values + 3
-        self.size = self.slot + 8 * slots * self.words
+        self._slots, self.values = slots, sum(fields.values())
+        self._control = -(-(16 + header_bytes) // 64) * 64
+        self.size = self._control + 64 + 8 * slots * (self.values + 3)
 
-    def control_of(self, memory: mmap.mmap) -> NDArray[np.uint64]:
-        return np.frombuffer(memory, np.uint64, 2, self.control)
-
-    def slots_of(self, memory: mmap.mmap) -> NDArray[np.uint64]:
-        return np.frombuffer(memory, np.uint64, self.slots * self.words, self.slot).reshape(self.slots, self.words)
+    def views_of(self, memory: mmap.mmap) -> tuple[NDArray[np.uint64], NDArray[np.uint64]]:
+        """The numbers `latest` and `ended`, and the words of each slot, shape (slots, values + 3)."""
+        words = np.frombuffer(memory, np.uint64, offset=self._control)
+        return words[:2], words[8:].reshape(self._slots, -1)
 
 
 def named(values: Array, fields: Mapping[str, int]) -> dict[str, Array]:
@@ -67,8 +63,7 @@ class StateWriter:
     """The loop's side: fill `fields` in place, then `publish`."""
 
     def __init__(self, memory: mmap.mmap, layout: _Layout, fields: Mapping[str, int]) -> None:
-        self._control = layout.control_of(memory)
-        self._slots = layout.slots_of(memory)
+        self._control, self._slots = layout.views_of(memory)
         self.values = np.full(layout.values, np.nan)
         self._words = self.values.view(np.uint64)
         self._number = 0
@@ -124,8 +119,7 @@ class StateReader:
         self.description = header.description
         self.fields = header.fields
         self._writer = header.writer
-        self._control = layout.control_of(memory)
-        self._slots = layout.slots_of(memory)
+        self._control, self._slots = layout.views_of(memory)
 
     @classmethod
     def open(cls, path: Path) -> Self:
@@ -159,10 +153,8 @@ class StateReader:
             return True
         try:
             os.kill(self._writer, 0)  # signal 0 only checks
-        except ProcessLookupError:
-            return True
-        except OSError:
-            pass
+        except OSError as error:
+            return isinstance(error, ProcessLookupError)
         return False
 
     @property

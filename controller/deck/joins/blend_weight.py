@@ -14,6 +14,7 @@ class Weights(ABC):
 
     values: tuple[float, ...] = (1.0, 0.0)  # the present weights, which sum to 1
     changing = True  # whether they have not reached their goals
+    fails = False  # whether they cannot change within the limits of a join
 
     @abstractmethod
     def advance(self, dt: float) -> tuple[float, ...]:
@@ -44,17 +45,13 @@ class Crossing(Weights):
         self._search, self._begin = search, begin
         self._elapsed = 0.0
 
-    @property
-    def fails(self) -> bool:
-        """Whether no duration is within the limits."""
-        return self._search.found and self._search.seconds is None
-
     def advance(self, dt: float) -> tuple[float, ...]:
         """The weights dt seconds later; the first motion has all until the duration is found."""
         search = self._search
         if search.seconds is None:
             search.advance(dt)
             if search.seconds is None:
+                self.fails = search.found
                 return self.values
             self._begin(search.sides)
         self._elapsed += dt

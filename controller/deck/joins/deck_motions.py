@@ -150,6 +150,9 @@ def read_motion(library: MotionLibrary, info: MotionInfo) -> Motion:
     entries = moving if loop else max(1, int(ENTRY_SHARE * moving))
     postures, played = _played(library, network, info, frames)
     speed, acceleration = _peaks(library, played)
+    whole = spacing * len(frames)
+    if (driven := network.as_phase_network) is not None and not loop:
+        whole = driven.period(info.name) / library.info.rate
     return Motion(
         name=info.name,
         loop=loop,
@@ -160,17 +163,10 @@ def read_motion(library: MotionLibrary, info: MotionInfo) -> Motion:
         postures=postures,
         spacing=spacing,
         seconds=moving * spacing,
-        whole=_whole(network, info, spacing * len(frames), library.info.rate),
+        whole=whole,
         speed=speed,
         acceleration=acceleration,
     )
-
-
-def _whole(network: AnyNetwork, info: MotionInfo, stored: float, rate: float) -> float:
-    """The time until the phase of a motion is 1, s; `stored` is its stored duration."""
-    if (driven := network.as_phase_network) is not None and info.plays == "once":
-        return driven.period(info.name) / rate
-    return stored
 
 
 def _moving(places: Array) -> int:

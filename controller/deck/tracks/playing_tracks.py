@@ -77,7 +77,6 @@ class PlayingTracks:
         self._blend: PostureBlend | None = None
         self._check: BlendCheck | None = None
         self._taking_over = False
-        self._crossing: Crossing | None = None
 
     @property
     def leading(self) -> Track:
@@ -112,7 +111,7 @@ class PlayingTracks:
     @property
     def cannot_cross(self) -> bool:
         """Whether the motion that is to take over cannot be mixed with the first within the limits of a join."""
-        return self._crossing is not None and self._crossing.fails
+        return self._weights.fails
 
     def step(self, dt: float, tempo: float, pace: float) -> Posture:
         """Advances by dt seconds at a tempo, the weights at a pace of their own; the posture there."""
@@ -152,8 +151,7 @@ class PlayingTracks:
             return first, second
 
         bounds = Bounds.of(motions, share * FASTEST, share * HARDEST)
-        self._crossing = Crossing(CrossingSearch(ahead, self._skeleton, bounds), blend.hold_sides)
-        self._weights = self._crossing
+        self._weights = Crossing(CrossingSearch(ahead, self._skeleton, bounds), blend.hold_sides)
 
     def _start_take_over(self, motion: str, anchor: int, dt: float, tempo: float) -> PostureBlend:
         """Enters a motion on a second track, which leads from now on; the blend of both."""

@@ -158,10 +158,6 @@ class Track:
         self.player.motion = motion
         self._enter(anchor)
 
-    def restart_at(self, anchor: int) -> None:
-        """Plays on from the anchor to which the guard has restarted the network."""
-        self.player.cue_anchor(self.motion.name, anchor)
-
     def restarted(self) -> int | None:
         """The anchor of a restart since the last call, or None."""
         if self.guard is None or self.guard.recues == self._faded_restarts:

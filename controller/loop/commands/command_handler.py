@@ -4,7 +4,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Sequence
 
-from controller.loop.commands.commanded_run import CommandedRun, Outcome, mode_events
+from controller.loop.commands.commanded_run import CommandedRun, mode_events
 from controller.loop.commands.interfaces import Client
 from controller.loop.commands.listeners import Listeners, SecondReplies
 from controller.loop.stop_requests import StopRequest
@@ -39,19 +39,21 @@ class CommandHandler:
 
     def __call__(self, stop: StopRequest) -> None:
         """Carries out new commands, and sends what has happened since the last call."""
-        if stop.state.total != self._seen:
-            self._note_other_sources()
+        if stop.state.total != self._seen:  # by presses that came by no command
+            self._run.halt()
+            if self._note is not None:
+                self._note(EmergencyStop(), Accepted(0))
         for server in self._servers:
             for message, sender in server.poll():
                 client = Client(server, sender)
                 self._listeners.note(message, client)
                 was_on = stop.emergency
-                outcome = self._carry_out(message, stop, client, remote=server.remote)
+                reply = self.carry_out(message, stop, client, remote=server.remote)
                 if isinstance(message, EmergencyStop):
                     self._note_press(message, sender, was_on=was_on)
-                if isinstance(message, AtTime) and isinstance(outcome.reply, Accepted):
-                    self._timed.add(client, message)
-                client.reply(outcome.reply)
+                if isinstance(message, AtTime) and isinstance(reply, Accepted):
+                    self._timed.waiting.append((client, message))
+                client.reply(reply)
         self._seen = stop.state.total
         if self._timed.waiting:
             self._carry_out_timed(stop)
@@ -65,7 +67,9 @@ class CommandHandler:
         while events:
             self._listeners.send(events.popleft())
         if self._body is not None and self._body.fallen != self._fallen:
-            self._send_fall(self._body.fallen)
+            self._fallen = self._body.fallen
+            kind, text = ("fell", "the robot has fallen") if self._fallen else ("stands", "the robot stands again")
+            self.notify(kind, text, self._deck.motion)
         mode: tuple[Mode, bool] = stop.mode, self._deck.paused
         presses = stop.state.total - self._repeated
         if presses != self._presses or mode != self._sent_mode:
@@ -73,12 +77,6 @@ class CommandHandler:
             for event in mode_events(self._deck, stop.mode, self._sent_mode, presses, pressed=pressed):
                 self._listeners.send(event)
             self._sent_mode, self._presses = mode, presses
-
-    def _note_other_sources(self) -> None:
-        """Has the deck pause, and records an emergency stop, for presses that came by no command."""
-        self._run.halt()
-        if self._note is not None:
-            self._note(EmergencyStop(), Accepted(0))
 
     def _note_press(self, message: EmergencyStop, sender: Address, *, was_on: bool) -> None:
         """Tells a stop that comes again, as its reply was lost, from a second press; both were carried out."""
@@ -92,13 +90,10 @@ class CommandHandler:
         """Sends an event to all subscribers."""
         self._listeners.notify(kind, text, motion)
 
-    def carry_out(self, message: DeckCommand, stop: StopRequest) -> Reply:
-        """Carries out one command of the run itself; its reply."""
-        return self._carry_out(message, stop).reply
-
-    def _carry_out(
+    def carry_out(
         self, message: DeckCommand, stop: StopRequest, client: Client | None = None, *, remote: bool = False
-    ) -> Outcome:
+    ) -> Reply:
+        """Carries out one command, of a client or of the run itself; its reply."""
         outcome = self._run.carry_out(message, stop, remote=remote)
         if self._note is not None:
             self._note(message, outcome.reply)
@@ -106,18 +101,12 @@ class CommandHandler:
             self._second.await_look(client, message, outcome.look)
         if client is not None and outcome.progress is not None:
             self._second.await_switch(client, message, outcome.progress)
-        return outcome
+        return outcome.reply
 
     def _carry_out_timed(self, stop: StopRequest) -> None:
         if stop.emergency:
             self._timed.waiting.clear()
         for client, message in self._timed.take_due():
-            outcome = self._carry_out(message, stop, client)
-            if isinstance(outcome.reply, Refused):
-                client.reply(outcome.reply)
-
-    def _send_fall(self, fallen: bool) -> None:
-        self._fallen = fallen
-        self.notify(
-            *(("fell", "the robot has fallen") if fallen else ("stands", "the robot stands again")), self._deck.motion
-        )
+            reply = self.carry_out(message, stop, client)
+            if isinstance(reply, Refused):
+                client.reply(reply)

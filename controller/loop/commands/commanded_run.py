@@ -9,12 +9,12 @@ from typing import NamedTuple, assert_never
 
 import msgspec
 
+from controller.deck.switch import CommandedSwitch
 from controller.loop.commands.interfaces import (
     Client,
     Commandable,
     Look,
     Playback,
-    Progress,
     Pushable,
     RealTime,
     RigServos,
@@ -49,7 +49,7 @@ class Outcome(NamedTuple):
     """The reply to a command, and what its second reply waits for: the progress of a switch, or a look at servos."""
 
     reply: Reply
-    progress: Progress | None = None
+    progress: CommandedSwitch | None = None
     look: Look | None = None
 
 
@@ -168,7 +168,7 @@ class CommandedRun:
         assert self._commandable is not None, "rows keep a replay from such commands"
         return self._commandable
 
-    def _played(self, message: DeckCommand, progress: Progress, stop: StopRequest) -> Outcome:
+    def _played(self, message: DeckCommand, progress: CommandedSwitch, stop: StopRequest) -> Outcome:
         if stop.mode != "playing":
             stop.play()
             self.deck.resume()
@@ -229,10 +229,6 @@ class TimedCommands:
             raise MotiondeckError(f"a command is given at most {_AHEAD:g} s ahead of its time")
         if len(self.waiting) >= _MOST_TIMED:
             raise MotiondeckError(f"{_MOST_TIMED} commands wait for their time already")
-
-    def add(self, client: Client, message: AtTime) -> None:
-        """Keeps one until its time."""
-        self.waiting.append((client, message))
 
     def take_due(self) -> Iterator[tuple[Client, DeckCommand]]:
         """Takes those whose time is nearer to this tick than to the next one, in order, of clients still connected."""

@@ -6,22 +6,12 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from typing import NamedTuple, Protocol, runtime_checkable
 
+from controller.deck.switch import CommandedSwitch
 from controller.wire.command_socket import Address, CommandServer
 from controller.wire.messages.commands import Side
 from controller.wire.messages.deck_snapshot import DeckState
 from controller.wire.messages.lock_state import LockSource
 from controller.wire.messages.replies import Event, Reply, SecondReply
-
-
-class Progress(Protocol):
-    """A switch under way; `deck.switch.CommandedSwitch` has the meaning of each attribute."""
-
-    commanded_s: float
-    settled_s: float | None
-    after: str
-    via: tuple[str, ...]
-    overtaken: bool
-    fell_back: str
 
 
 class Playback(DeckState, Protocol):
@@ -42,9 +32,11 @@ class Playback(DeckState, Protocol):
 class Commandable(Playback, Protocol):
     """A deck whose motions can be commanded, unlike the replay of a recording."""
 
-    def switch(self, to: str, *, direct: bool = False) -> Progress: ...
-    def enqueue(self, to: str) -> Progress: ...
-    def blend_in(self, first: str, second: str, weight: float, also: Sequence[tuple[str, float]] = ()) -> Progress: ...
+    def switch(self, to: str, *, direct: bool = False) -> CommandedSwitch: ...
+    def enqueue(self, to: str) -> CommandedSwitch: ...
+    def blend_in(
+        self, first: str, second: str, weight: float, also: Sequence[tuple[str, float]] = ()
+    ) -> CommandedSwitch: ...
     def set_input(self, name: str, value: float, seconds: float = ...) -> None: ...
     def gaze(self, left: float, up: float, ahead: float = ..., seconds: float = ...) -> None: ...
     def layer(self, group: str, motion: str, weight: float = 1.0, tempo: float = 1.0) -> None: ...

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import msgspec
 
+from controller.deck.switch import CommandedSwitch
 from controller.loop.commands.commanded_run import refusal
-from controller.loop.commands.interfaces import Client, Look, Playback, Progress
+from controller.loop.commands.interfaces import Client, Look, Playback
 from controller.wire.command_socket import Address
 from controller.wire.messages.commands import DeckCommand, Heartbeat, Subscribe
 from controller.wire.messages.replies import Event, EventKind, Refused, SecondReply, Settled
@@ -84,11 +85,11 @@ class SecondReplies:
     def __init__(self, now: Callable[[], float]) -> None:
         self._now = now
         # Those under way, with client, number, motions and progress.
-        self.switches: deque[tuple[Client, int, str, Progress]] = deque(maxlen=_MOST_AWAITED)
+        self.switches: deque[tuple[Client, int, str, CommandedSwitch]] = deque(maxlen=_MOST_AWAITED)
         # Requests to servos, with client, number and start, s.
         self.looks: deque[tuple[Client, int, Look, float]] = deque(maxlen=_MOST_AWAITED)
 
-    def await_switch(self, client: Client, message: DeckCommand, progress: Progress) -> None:
+    def await_switch(self, client: Client, message: DeckCommand, progress: CommandedSwitch) -> None:
         """Replies once more when a switch, a queued motion or a blend has settled."""
         self.switches.append((client, message.id, " + ".join(message.motions), progress))
 

@@ -23,6 +23,13 @@ from motiondeck_base.errors import MotiondeckError
 
 CHANGED = 1e-9  # a target that is changed by more than this (rad) is counted as changed
 
+Moving = tuple[float, float, float]
+"""Position, velocity and acceleration of a joint or of its target; the unit of time is one tick."""
+
+Bounds = tuple[float, float, float, float, float, float]
+"""Limits of velocity, acceleration and jerk, lower and upper ends, and the longest way to rest that a joint may ever
+need: farther from its ends nothing is looked at."""
+
 _FINITE = 1e300  # rad
 _ROUNDING = 1e-12  # rad; the rounding error of a sum of many positions
 _STEPS = 16  # bisection steps for an acceleration between two extremes
@@ -47,8 +54,7 @@ class SafetyEnvelope:
             limits.acceleration * (inside * dt**2),
             limits.jerk * (inside * dt**3),
         )
-        # The last is the longest way to rest that a joint may ever need: farther from its ends nothing is looked at.
-        self._bounds = [
+        self._bounds: list[Bounds] = [
             (v_max, a_max, j_max, low, high, longest_run(v_max, a_max, a_max, j_max))
             for v_max, a_max, j_max, low, high in np.transpose([*rates, lower, upper]).tolist()
         ]
@@ -118,9 +124,8 @@ class SafetyEnvelope:
             goal = target if -_FINITE < target < _FINITE else last_goal
             goal = lower if goal < lower else upper if goal > upper else goal
             goal_v = goal - last_goal
-            goal_a, wanted, matches = goal_v - last_goal_v, goal - p - v, near or matched > 0.0
-            limits = v_max, a_max, j_max, lower, upper
-            position, direct = _limited(near, matches, p, v, a, goal, goal_v, wanted, goal_a, *limits)
+            aim = goal, goal_v, goal_v - last_goal_v
+            position, direct = _limited(near, near or matched > 0.0, (p, v, a), aim, bounds)
             # The velocity is summed, not differenced from positions: their rounding would grow with each difference.
             v += direct
             lag = position - goal
@@ -145,27 +150,14 @@ class SafetyEnvelope:
         return self._shown
 
 
-def _limited(
-    near: bool,
-    matched: bool,
-    p: float,
-    v: float,
-    a: float,
-    goal: float,
-    goal_v: float,
-    direct: float,
-    goal_a: float,
-    v_max: float,
-    a_max: float,
-    j_max: float,
-    lower: float,
-    upper: float,
-) -> tuple[float, float]:
+def _limited(near: bool, matched: bool, now: Moving, aim: Moving, bounds: Bounds) -> tuple[float, float]:
     """The next position and acceleration of one joint, by the three rules with exact tests.
 
-    `direct` is the acceleration that reaches the target in this tick, and `matched` says whether the joint would
-    then soon move as the target does.
+    `matched` says whether the joint, once at its target, would soon move as that does.
     """
+    (p, v, a), (goal, _, _) = now, aim
+    v_max, a_max, j_max, lower, upper, _ = bounds
+    direct = goal - p - v  # the acceleration that reaches the target in this tick
 
     # The accelerations within the limits; letting one go must not drive the velocity over its limit either.
     stop = braked(v, a, a_max, j_max)
@@ -178,10 +170,9 @@ def _limited(
     low, high = min(low, stop), max(high, stop)
 
     passes = matched and low <= direct <= high
-    if passes or near:
-        chosen = min(max(direct, low), high)
-    else:
-        chosen = _catching_up(p, v, goal, goal_v, goal_a, v_max, a_max, j_max, low, high)
+    chosen = min(max(direct, low), high)
+    if not (passes or near):
+        chosen = _catching_up(p, v, aim, bounds, low, high)
 
     bottom, top = min(lower, p) - _ROUNDING, max(upper, p) + _ROUNDING
     rise, fall, _ = stopping_run(v + chosen, chosen, a_max, j_max)
@@ -198,19 +189,9 @@ def _limited(
     return p + (v + safe), safe
 
 
-def _catching_up(
-    p: float,
-    v: float,
-    goal: float,
-    goal_v: float,
-    goal_a: float,
-    v_max: float,
-    a_max: float,
-    j_max: float,
-    low: float,
-    high: float,
-) -> float:
+def _catching_up(p: float, v: float, aim: Moving, bounds: Bounds, low: float, high: float) -> float:
     """The acceleration between low and high whose stop, seen from the moving target, ends on it, or the nearest end."""
+    (goal, goal_v, goal_a), (v_max, a_max, j_max, _, _, _) = aim, bounds
     # By how far it would end beyond rises with the acceleration; its zero is found to one part in _STEPS.
     steady = abs(goal_a) <= a_max and abs(goal_v) <= v_max  # else it jumps: nothing to predict
     goal_v, goal_a = min(max(goal_v, -v_max), v_max), goal_a if steady else 0.0

@@ -10,7 +10,7 @@ from controller.deck.deck import Deck
 from controller.deck.interfaces import JointLimits
 from controller.loop.commands.command_handler import CommandHandler
 from controller.loop.commands.commanded_run import CommandedRun
-from controller.loop.ensemble import Ensemble, RobotOutput, all_limits
+from controller.loop.ensemble import RobotOutput, all_limits, together
 from controller.loop.loop import run
 from controller.loop.output_channel import Channel
 from controller.loop.safety.safety_envelope import SafetyEnvelope
@@ -81,7 +81,7 @@ def played(timeline):
     """Runs the timeline, (ticks, command) each; what the outputs were given, all answers, and the tick of each."""
     robots = [(QUICK, 4), (SLOW, 3)]
     deck = Deck(
-        LIBRARY, Ensemble([lambda pose, n=n: 2.0 * pose.rotation.ravel()[5 : 5 + n] for _, n in robots]), "march"
+        LIBRARY, together([lambda pose, n=n: 2.0 * pose.rotation.ravel()[5 : 5 + n] for _, n in robots]), "march"
     )
     outputs = [[Output(f"{limits.velocity[0]}"), Output("bad", 7)] for limits, _ in robots]
     channels = [

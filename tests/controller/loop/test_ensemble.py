@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from controller.deck.interfaces import JointLimits
-from controller.loop.ensemble import Ensemble, RobotOutput, all_limits
+from controller.loop.ensemble import RobotOutput, all_limits, together
 from controller.motion.skeleton import Pose
 
 POSE = Pose(np.zeros(3), np.array(0.0), np.zeros((1, 4)))
@@ -34,7 +34,7 @@ def limits(joints, reach):
 
 
 def test_the_joints_of_all_stand_one_after_the_other():
-    both = Ensemble([lambda pose: np.array([1.0, 2.0]), lambda pose: np.array([3.0])])
+    both = together([lambda pose: np.array([1.0, 2.0]), lambda pose: np.array([3.0])])
     assert both(POSE).tolist() == [1.0, 2.0, 3.0]
     assert all_limits([limits(2, 0.5), limits(1, 2.0)]).upper.tolist() == [0.5, 0.5, 2.0]
 
