@@ -5,10 +5,6 @@ from collections.abc import Sequence
 from motiondeck_base.errors import MotiondeckError
 
 
-class RigFileError(MotiondeckError):
-    """A rig file that cannot be read or holds something impossible; the message names the place and what is allowed."""
-
-
 class SerialPortError(MotiondeckError):
     """A serial port that cannot be opened, or that vanished in use: whatever takes a bus may raise it."""
 

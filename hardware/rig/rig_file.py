@@ -10,10 +10,9 @@ from typing import Annotated, Literal
 
 import msgspec
 
-from hardware.errors import RigError, RigFileError
+from hardware.errors import RigError
 from hardware.families.family import Family
 from hardware.rig.rig_joint import RigJoint
-from motiondeck_base.errors import FileFormatError
 from motiondeck_base.toml_file import read_toml
 
 _WATCHDOG_UNIT = 0.02  # s, in which the servos count
@@ -161,8 +160,5 @@ class RigConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def load_rig(path: str | Path) -> RigConfig:
-    """Reads a rig file; RigFileError if it cannot be read or is not TOML, for an unknown key or an impossible value."""
-    try:
-        return read_toml(Path(path), RigConfig)
-    except FileFormatError as error:
-        raise RigFileError(str(error)) from None
+    """Reads a rig file; FileFormatError if it cannot be read or is not TOML, for unknown keys or impossible values."""
+    return read_toml(Path(path), RigConfig)

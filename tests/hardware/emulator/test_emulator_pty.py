@@ -19,10 +19,11 @@ from hardware.bus.servo_bus import Bus
 from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.process import start_emulator
 from hardware.emulator.pty_server import PtyServer, pump, serve
-from hardware.errors import RigError, RigFileError, SerialPortError
+from hardware.errors import RigError, SerialPortError
 from hardware.families.dynamixel2 import frames as instructions
 from hardware.rig.rig_file import load_rig
 from hardware.rig.supervision.rig import Rig
+from motiondeck_base.errors import FileFormatError
 
 OK = sdk.COMM_SUCCESS
 GOAL, PRESENT, TORQUE, LIMIT = 116, 132, 64, 48
@@ -283,7 +284,7 @@ def test_stopping_may_be_done_twice(servo20_file):
 
 
 def test_a_wrong_rig_file_is_told_before_anything_starts(tmp_path):
-    with pytest.raises(RigFileError, match="cannot be read"):
+    with pytest.raises(FileFormatError, match="cannot be read"):
         start_emulator(tmp_path / "none.toml")
 
 

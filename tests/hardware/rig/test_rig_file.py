@@ -4,8 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hardware.errors import RigFileError
 from hardware.rig.rig_file import load_rig
+from motiondeck_base.errors import FileFormatError
 
 JOINT = (
     '{ name = "neck", id = 1, model = "XM430-W350", direction = 1, zero = 2048, lower = -1, upper = 1, velocity = 4 }'
@@ -100,7 +100,7 @@ def test_an_angle_becomes_pulses(written):
 )
 def test_a_mistake_is_named_with_its_place_and_what_is_allowed(written, change, said):
     path = written(GOOD.replace(*change))
-    with pytest.raises(RigFileError, match=re.escape(said)) as caught:
+    with pytest.raises(FileFormatError, match=re.escape(said)) as caught:
         load_rig(path)
     assert str(path) in str(caught.value)
     assert "\n" not in str(caught.value)
@@ -115,7 +115,7 @@ def test_what_editors_write_before_the_text_is_no_mistake(written):
 def test_another_alphabet_is_named(tmp_path, alphabet):
     path = tmp_path / "rig.toml"
     path.write_text(f"{GOOD}# Größe\n", encoding=alphabet)
-    with pytest.raises(RigFileError, match=r"rig\.toml: not a text file in UTF-8; save it as UTF-8"):
+    with pytest.raises(FileFormatError, match=r"rig\.toml: not a text file in UTF-8; save it as UTF-8"):
         load_rig(path)
 
 
@@ -163,18 +163,18 @@ velocity = 4
 )
 def test_the_line_of_a_mistake_is_named(written, text, change, line):
     path = written(text.replace(*change))
-    with pytest.raises(RigFileError, match=rf"line {line}\b"):
+    with pytest.raises(FileFormatError, match=rf"line {line}\b"):
         load_rig(path)
 
 
 @pytest.mark.parametrize("length", [20, len(GOOD) - 4, 100])
 def test_a_truncated_file_is_refused(written, length):
-    with pytest.raises(RigFileError, match=r"rig\.toml"):
+    with pytest.raises(FileFormatError, match=r"rig\.toml"):
         load_rig(written(GOOD[:length]))
 
 
 def test_a_missing_file_is_named(tmp_path):
-    with pytest.raises(RigFileError, match=r"nowhere\.toml: cannot be read"):
+    with pytest.raises(FileFormatError, match=r"nowhere\.toml: cannot be read"):
         load_rig(tmp_path / "nowhere.toml")
 
 
@@ -185,6 +185,6 @@ def test_mangled_bytes_end_in_one_clear_error_or_a_rig(tmp_path_factory, junk, a
     path.write_bytes(good[:at] + junk + good[at + len(junk) :])
     try:
         said = repr(load_rig(path))
-    except RigFileError as error:
+    except FileFormatError as error:
         said = str(error)
     assert "neck" in said or str(path) in said

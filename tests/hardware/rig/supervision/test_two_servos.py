@@ -12,7 +12,7 @@ from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.faults import FaultPlan, parse_fault
 from hardware.emulator.handling import Handling
 from hardware.emulator.simulated_rig import SimulatedRig
-from hardware.errors import RigError, RigFileError
+from hardware.errors import RigError
 from hardware.rig.rig_file import RigConfig, load_rig
 from hardware.rig.rig_joint import RigJoint, SecondServo
 from hardware.rig.supervision.rig import Rig
@@ -21,6 +21,7 @@ from hardware.tools.backup import back_up
 from hardware.tools.calibration import Sweep, rejoined
 from hardware.tools.doctor import examine, fix_settings
 from hardware.tools.rig_writing import save_rig
+from motiondeck_base.errors import FileFormatError
 
 STALL = 4.4  # A, of an XM540-W270
 BOTH = [2, pytest.param(3, marks=pytest.mark.thorough)]  # ids of the shoulder's servos
@@ -538,5 +539,5 @@ def test_a_mistake_in_it_is_one_clear_line(tmp_path, change, said):
     path.write_text(FILE)
     assert [servo.id for servo in load_rig(path).servos.joints] == [2, 3, 4]
     path.write_text(FILE.replace(*change))
-    with pytest.raises(RigFileError, match=re.escape(said)):
+    with pytest.raises(FileFormatError, match=re.escape(said)):
         load_rig(path)
