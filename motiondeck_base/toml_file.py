@@ -13,7 +13,6 @@ import msgspec
 
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.file_numbers import LARGEST, SMALLEST, impossible_numbers, key_path
-from motiondeck_base.file_words import in_file_words
 from motiondeck_base.mistaken_files import what_it_is
 from motiondeck_base.near_names import near_names
 
@@ -22,6 +21,15 @@ Keys = tuple[str | int, ...]
 """The keys, and the indices from 0, that lead to a value."""
 _ENDLESS = re.compile(r"[\d_]{4301}")
 _ENDS = ("", "]", "]]", "]}", "]}]", '"""', "'''")  # what may close the first lines of a TOML text
+_KINDS = {
+    "str": "text",
+    "int": "a whole number",
+    "float": "a number",
+    "bool": "true or false",
+    "array": "a list",
+    "object": "a table",
+}
+_BOUNDS = {">=": "of at least", "<=": "of at most", ">": "above", "<": "below"}
 
 
 def read_toml(path: Path, shape: type[T]) -> T:
@@ -191,6 +199,22 @@ def _choices(shape: Any) -> Iterator[str]:
             return
         if get_origin(member) is Literal:
             yield from map(str, get_args(member))
+
+
+def in_file_words(message: str) -> str:
+    """Such as "expected a number of at least 0" for "Expected `float` >= 0.0"; other messages as they are."""
+    if missing := re.fullmatch(r"Object missing required field `(.*)`", message):
+        return f"missing key '{missing[1]}'"
+    parts = re.fullmatch(r"Expected `([^`]*)`(?:, got `([^`]*)`| of length (\S+) (\S+)| (\S+) (\S+))", message)
+    if parts is None:
+        return message
+    wanted, got, length, longest, bound, limit = parts.groups()
+    kinds = " or ".join(_KINDS.get(kind, kind) for kind in wanted.split(" | ") if kind != "null")
+    if got is not None:
+        return f"expected {kinds}, not {'a number with decimals' if got == 'float' else _KINDS.get(got, got)}"
+    if length is not None:
+        return f"expected {kinds} with a length {_BOUNDS.get(length, length)} {longest}"
+    return f"expected {kinds} {_BOUNDS.get(bound, bound)} {limit.removesuffix('.0')}"
 
 
 def _is_struct(shape: Any) -> bool:

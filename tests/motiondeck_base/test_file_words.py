@@ -5,7 +5,7 @@ from typing import Annotated
 import msgspec
 import pytest
 
-from motiondeck_base.file_words import in_file_words
+from motiondeck_base.toml_file import in_file_words
 
 
 @pytest.mark.parametrize(
