@@ -1,16 +1,17 @@
 """A motion that is being written for a rig: its keys, how it was before each change, its course, and its file."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
 
+from controller.deck.interfaces import JointLimits
+from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.motion.clip import Plays
 from controller.motion.encodings.joint_angles import angles_of
 from controller.motion.formats.keyframes import Keyframes
 from controller.motion.rotations import Array
 from motiondeck.page.keys.key_sheet import KeySheet
-from motiondeck.page.keys.limited_course import HeldBack, limited_course
 from motiondeck_base.errors import FileFormatError, UnknownNameError
 from motiondeck_base.files import write_file
 from motiondeck_base.toml_file import read_toml
@@ -18,6 +19,10 @@ from sim.robots.robot import Robot
 
 NEW_SECONDS = 4.0
 _UNDONE = 200  # changes that can be undone
+_NOTED = np.radians(0.5)  # of what is held back
+
+HeldBack = tuple[float, float, str]
+"""From when to when, s, a joint is held back, and in words which one, by how much, and by which limit."""
 
 
 class Draft:
@@ -96,3 +101,33 @@ class Draft:
         course = limited_course(joints, self.wanted, clip.rate, self._robot.limits, loop=loop)
         self.course: Array = course[0]
         self.held: list[HeldBack] = course[1]
+
+
+def limited_course(
+    joints: Sequence[str], wanted: Array, rate: float, limits: JointLimits, *, loop: bool
+) -> tuple[Array, list[HeldBack]]:
+    """Where joints go, shape (T, J), rad, that shall go as `wanted` (T, J), at a rate, Hz; a loop in its second round.
+
+    What is within the limits comes out as it is.
+    """
+    envelope = SafetyEnvelope(limits, 1.0 / rate)
+    envelope.start(np.clip(wanted[0], limits.lower, limits.upper))
+    rounds = [np.array([envelope(targets).copy() for targets in wanted[begin:]]) for begin in ([0, 1] if loop else [0])]
+    course = np.concatenate([rounds[0][-1:], rounds[1]]) if loop else rounds[0]
+    off = np.abs(course - wanted)
+    speed = np.abs(np.gradient(wanted, 1.0 / rate, axis=0))
+    found: list[HeldBack] = []
+    for index in np.flatnonzero(off.max(axis=0) > _NOTED).tolist():
+        at = np.flatnonzero(off[:, index] > _NOTED)
+        here, values, fastest = off[:, index], wanted[:, index], speed[:, index].max()
+        low, high, allowed = limits.lower[index], limits.upper[index], limits.velocity[index]
+        if values.min() < low - _NOTED or values.max() > high + _NOTED:
+            ends = np.degrees((values.min(), values.max(), low, high))
+            why = "it goes from {:.0f} to {:.0f}°, and may {:.0f} to {:.0f}°".format(*ends)
+        elif fastest > allowed:
+            why = f"it turns at {np.degrees(fastest):.0f}°/s, and may {np.degrees(allowed):.0f}°/s"
+        else:
+            why = "it speeds up faster than it may"
+        text = f"{joints[index]} is held back by up to {np.degrees(here.max()):.1f}°: {why}"
+        found.append((float(at[0] / rate), float(at[-1] / rate), text))
+    return course, found
