@@ -24,6 +24,7 @@ from sim.physics.balance import convex_hull, margin
 from sim.physics.played_motions import DT, PlayedMotion
 from sim.robots.robot import Robot
 from sim.robots.self_collision import SelfCollision
+from sim.robots.training_files import velocities
 
 # Height of a sole's corner above the lowest one, in heights of the root, below which the floor pushes it, as a robot
 # settles onto its soles, and below which it counts for balance (fitted on every other motion of thesis15).
@@ -131,16 +132,13 @@ def loads_of(
 
 def _motion(robot: Robot, played: PlayedMotion) -> tuple[Array, Array, Array]:
     """Positions (T, nq), velocities and accelerations (T, nv) of a motion, clipped to the joints' ranges."""
-    model, count = robot.model, len(played.targets)
-    qpos = np.tile(model.qpos0, (count, 1))  # joints that are not played stay there
+    model = robot.model
+    qpos = np.tile(model.qpos0, (len(played.targets), 1))  # joints that are not played stay there
     if robot.footing is not None:
         robot.footing.reset(DT)
     for k, pose in enumerate(played.poses):
         robot.place(np.clip(played.targets[k], robot.limits.lower, robot.limits.upper), pose, qpos[k])
-    qvel = np.empty((count, model.nv))
-    for k in range(count):
-        first, last = max(k - 1, 0), min(k + 1, count - 1)
-        mujoco.mj_differentiatePos(model, qvel[k], (last - first) * DT, qpos[first], qpos[last])
+    qvel = velocities(model, qpos, 1.0 / DT)
     return qpos, qvel, _rate(qvel)
 
 

@@ -64,11 +64,9 @@ def write_training_file(path: Path, model: mujoco.MjModel, qpos: Array, rate: fl
 
 def velocities(model: mujoco.MjModel, qpos: Array, rate: float) -> Array:
     """MuJoCo's velocities (T, nv) of a motion (T, nq) at a rate, Hz: central differences."""
-    count = len(qpos)
-    before = np.maximum(np.arange(count) - 1, 0)
-    after = np.minimum(np.arange(count) + 1, count - 1)
-    found = np.zeros((count, model.nv))
-    for row, (low, high) in enumerate(zip(before, after, strict=True)):
+    found = np.zeros((len(qpos), model.nv))
+    for row in range(len(qpos)):
+        low, high = max(row - 1, 0), min(row + 1, len(qpos) - 1)
         if high > low:
             mujoco.mj_differentiatePos(model, found[row], (high - low) / rate, qpos[low], qpos[high])
     return found
