@@ -18,7 +18,6 @@ _CHUNK = 64  # bytes a read
 # The servo would be gone from its place on the bus.
 _NOT_RESTORED = {"id", "baud_rate"} | {family.choice[0] for family in FAMILIES if family.choice}
 
-
 _MUTE = "{} answers a ping but no read: its status_return_level is 0. Set it with motiondeck rig doctor RIG --fix."
 
 

@@ -20,8 +20,8 @@ from motiondeck.cli.common.options import (
     check_ending,
     check_new,
     ground_of,
+    grouped,
 )
-from motiondeck.cli.common.options_class import grouped
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.files import check_folder
 

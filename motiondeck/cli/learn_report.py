@@ -129,25 +129,22 @@ def _print_closeness(library: MotionLibrary, parts: dict[str, LearnedPart], rows
 
 
 def _rows(learned: LearnedLibrary) -> list[dict[str, Any]]:
-    rows: list[dict[str, Any]] = []
-    for motion in learned.motions:
-        part = motion.part
-        rows.append(
-            {
-                "name": motion.name,
-                "file": str(motion.file),
-                "plays": motion.plays or None,
-                "seconds": motion.seconds if part else None,
-                **part_fields(part),
-                "error_mm": motion.info.error_mm if motion.info else None,
-                "against_recording": motion.info and msgspec.to_builtins(motion.info.against_recording),
-                "passed": motion.passed,
-                "remedy": motion.remedy,
-                "doubts": motion.doubts,
-                "decisions": [asdict(decision) for decision in motion.decisions],
-            }
-        )
-    return rows
+    return [
+        {
+            "name": motion.name,
+            "file": str(motion.file),
+            "plays": motion.plays or None,
+            "seconds": motion.seconds if motion.part else None,
+            **part_fields(motion.part),
+            "error_mm": motion.info.error_mm if motion.info else None,
+            "against_recording": motion.info and msgspec.to_builtins(motion.info.against_recording),
+            "passed": motion.passed,
+            "remedy": motion.remedy,
+            "doubts": motion.doubts,
+            "decisions": [asdict(decision) for decision in motion.decisions],
+        }
+        for motion in learned.motions
+    ]
 
 
 def _print(learned: LearnedLibrary) -> None:

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer import Argument, Option
 
-from motiondeck.cli.common.options import JsonOption, Reading, check_ending
-from motiondeck.cli.common.options_class import grouped
+from motiondeck.cli.common.options import JsonOption, Reading, check_ending, grouped
 from motiondeck_base.files import check_folder
 
 if TYPE_CHECKING:

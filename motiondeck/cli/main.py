@@ -14,8 +14,6 @@ from motiondeck_base.early_end import take_signals
 
 # During imports Ctrl-C ends the program silently.
 signal.signal(signal.SIGINT, signal.SIG_DFL)
-
-
 take_signals()
 
 # Two BLAS threads cost a loop 8 ms at p99; set before numpy is imported.

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from motiondeck.cli.common.options_class import with_groups
+from motiondeck.cli.common.options import with_groups
 from motiondeck.run.spec.run_spec import Option, RunSpec, kinds, options
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from controller.motion.anatomy import Side, anatomy
+from controller.motion.anatomy import SIDES, anatomy
 from controller.motion.encodings.joint_angles import angles_of
 from controller.motion.rotations import Array, rotate
 from motiondeck.pictures.figures import new_figure, save
@@ -87,8 +87,7 @@ def _curves(heights: Any, speeds: Any, clip: Clip) -> None:
     heights.plot(time, joints[:, 0, 2], color=COLOUR["middle"], label="root")
     if head is not None:
         heights.plot(time, joints[:, 1 + head, 2], color="0.6", label="head")
-    sides: tuple[Side, ...] = ("left", "right")
-    for side in sides:
+    for side in SIDES:
         for bones, part, style in ((parts.all("foot", side), "foot", "-"), (parts.all("hand", side), "hand", ":")):
             if bones:
                 lowest = joints[:, 1 + np.array(bones), 2].min(axis=1)
@@ -138,12 +137,8 @@ def draw_segments(clip: Clip, report: dict[str, Any], path: Path) -> None:
     for index, one in enumerate(report["segments"]):
         if index:
             axes.axvline(one["from_s"], color="black", linewidth=1.4, label="cut" if index == 1 else None)
-        name = one["motion"] or str(index + 1)
-        axes.annotate(
-            name, (0.5 * (one["from_s"] + one["to_s"]), 1.01), xycoords=("data", "axes fraction"), ha="center"
-        )
-    axes.set_xlabel("s")
-    axes.set_ylabel("height, m")
-    axes.set_xlim(0.0, time[-1])
+        name, middle = one["motion"] or str(index + 1), 0.5 * (one["from_s"] + one["to_s"])
+        axes.annotate(name, (middle, 1.01), xycoords=("data", "axes fraction"), ha="center")
+    axes.set(xlabel="s", ylabel="height, m", xlim=(0.0, time[-1]))
     axes.legend(fontsize=7, loc="center left", bbox_to_anchor=(1.0, 0.5))
     save(figure, path)

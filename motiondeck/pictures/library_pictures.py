@@ -21,7 +21,7 @@ from controller.wire.messages.arguments import CommandError
 from controller.wire.messages.replies import Refused
 from motiondeck.run.spec.program import Program, Timed
 from motiondeck.run.spec.run_spec import RunSpec
-from motiondeck_base.errors import MotiondeckError
+from motiondeck_base.errors import MotiondeckError, UnknownNameError
 from sim.robots.catalogue import find_robot
 
 if TYPE_CHECKING:
@@ -55,7 +55,7 @@ def film_look(
     MotiondeckError for a size that is not WIDTHxHEIGHT, or another rate than 1 to 240 Hz. UnknownNameError for a camera
     that does not exist.
     """
-    from motiondeck.pictures.offscreen import camera_named
+    from motiondeck.pictures.offscreen import CAMERAS
 
     usual_fps, usual_size = FILM.get(out.suffix.lower(), FILM[".mp4"])
     numbers = re.fullmatch(r"(\d{1,5})x(\d{1,5})", size or f"{usual_size[0]}x{usual_size[1]}")
@@ -63,8 +63,10 @@ def film_look(
         raise MotiondeckError(f"--size '{size}' is not WIDTHxHEIGHT, such as 1920x1080")
     if fps is not None and not 1.0 <= fps <= 240.0:
         raise MotiondeckError(f"--fps {fps:g} is not between 1 and 240 pictures a second")
+    if camera not in CAMERAS:
+        raise UnknownNameError.among("camera", camera, CAMERAS)
     asked = (int(numbers[1]), int(numbers[2]))
-    return FilmLook(asked, fps or usual_fps, camera_named(camera), ghost, footprints)
+    return FilmLook(asked, fps or usual_fps, camera, ghost, footprints)
 
 
 def film_run(spec: RunSpec, program: Program, video: Path, look: FilmLook) -> tuple[dict[str, Any], str]:

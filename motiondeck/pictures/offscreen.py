@@ -15,7 +15,7 @@ from PIL import Image as Pictures
 from PIL import ImageFilter
 
 from controller.motion.rotations import Array
-from motiondeck_base.errors import MotiondeckError, UnknownNameError
+from motiondeck_base.errors import MotiondeckError
 from sim.models.scenery import body_height
 
 Image = NDArray[np.uint8]
@@ -167,13 +167,6 @@ class OffScreen:
 
     def __exit__(self, *_: object) -> None:
         self.close()
-
-
-def camera_named(name: str) -> Camera:
-    """The camera of a name; UnknownNameError if there is none."""
-    if name in CAMERAS:
-        return name
-    raise UnknownNameError.among("camera", name, CAMERAS)
 
 
 def _smoothed(picture: Image) -> Image:

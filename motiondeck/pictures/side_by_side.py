@@ -10,7 +10,6 @@ from controller.library.motion_library import load_library
 from controller.motion.clip import Clip
 from controller.motion.rotations import Array
 from controller.motion.skeleton import Pose, Skeleton
-from motiondeck_base.errors import UnknownNameError
 from motiondeck_base.shipped import find_library
 from sim.models.formats.urdf_visuals import spec_with_visuals
 from sim.robots.catalogue import find_robot
@@ -65,14 +64,11 @@ MOMENTS = 8
 TILE = (480, 440)  # pixels: large enough to see the knees
 
 
-def played(library: str, motion: str, seconds: float) -> Clip:
-    """A motion as a library plays it, as a clip at RATE; UnknownNameError if there is no such library or motion."""
-    loaded = load_library(find_library(library))
-    if motion not in loaded.network.motions:
-        raise UnknownNameError.among("motion", motion, loaded.network.motions)
+def shipped_walk(seconds: float) -> Clip:
+    """The beginning of a walk that is shipped, at RATE."""
     from motiondeck.run.sampled_motions import as_clip
 
-    return as_clip(loaded, motion, seconds, RATE)
+    return as_clip(load_library(find_library("thesis15")), "walk", seconds, RATE)
 
 
 def draw_beside(clip: Clip, robot: Path, out: Path) -> None:

@@ -30,16 +30,25 @@ def draw_bars(table: Table, path: Path) -> None:
 
     MotiondeckError if the file cannot be written, as for the pictures below.
     """
-    _write(_bars(table), table, path)
+    save(_bars(table), path)
 
 
 def draw_spread(table: Table, path: Path) -> None:
     """A panel for each measure: median, quarters and the range from 5 to 95 % of the details, by method."""
-    _write(_spread(table), table, path)
-
-
-def _write(figure: Figure, table: Table, path: Path) -> None:
+    methods = list(dict.fromkeys(str(row["method"]) for row in table.details))
+    figure = new_figure(3.2 * len(table.draws), 4.5)
     figure.suptitle(table.title)
+    for axes, name in zip(np.atleast_1d(figure.subplots(1, len(table.draws))), table.draws, strict=True):
+        seen = [[float(row[name] or 0.0) for row in table.details if row["method"] == method] for method in methods]
+        axes.boxplot(seen, whis=(5, 95), showfliers=False)
+        axes.set_xticks(np.arange(1, len(methods) + 1), methods, rotation=30, ha="right")
+        if name == "frames":
+            axes.set_title("frames on the way")
+            axes.set_ylim(bottom=0.0)
+        else:
+            axes.set_title(f"{_LABELS.get(name, name)}\n(both motions' own = 1)")
+            axes.axhline(1.0, color="grey", linewidth=0.8)
+            axes.set_yscale("log")
     save(figure, path)
 
 
@@ -52,6 +61,7 @@ def _bars(table: Table) -> Figure:
     panels = [table.draws] if shares else [(name,) for name in table.draws]
     width = max(6.0, 0.7 * len(rows) + 2.0) if shares else max(5.0, 0.5 * len(rows) + 1.5) * len(panels) * 0.6
     figure = new_figure(width, 4.8)
+    figure.suptitle(table.title)
     for axes, names in zip(np.atleast_1d(figure.subplots(1, len(panels))), panels, strict=True):
         thick = 0.8 / len(names)
         for i, name in enumerate(names):
@@ -70,21 +80,4 @@ def _bars(table: Table) -> Figure:
             axes.legend()
         else:
             axes.set_ylabel(_LABELS.get(names[0], names[0]))
-    return figure
-
-
-def _spread(table: Table) -> Figure:
-    methods = list(dict.fromkeys(str(row["method"]) for row in table.details))
-    figure = new_figure(3.2 * len(table.draws), 4.5)
-    for axes, name in zip(np.atleast_1d(figure.subplots(1, len(table.draws))), table.draws, strict=True):
-        seen = [[float(row[name] or 0.0) for row in table.details if row["method"] == method] for method in methods]
-        axes.boxplot(seen, whis=(5, 95), showfliers=False)
-        axes.set_xticks(np.arange(1, len(methods) + 1), methods, rotation=30, ha="right")
-        if name == "frames":
-            axes.set_title("frames on the way")
-            axes.set_ylim(bottom=0.0)
-        else:
-            axes.set_title(f"{_LABELS.get(name, name)}\n(both motions' own = 1)")
-            axes.axhline(1.0, color="grey", linewidth=0.8)
-            axes.set_yscale("log")
     return figure

@@ -5,7 +5,6 @@ import os
 import time
 from collections.abc import Callable
 
-from controller.wire.messages.arguments import CommandError
 from controller.wire.messages.commands import DeckCommand
 from motiondeck.shows import messages
 from motiondeck.shows.cue_list import CueList
@@ -209,12 +208,7 @@ class Conductor:
         name = self.cue_name(number)
         present = self._seen.present_names
         decks = self.show.members(cue.receivers, present)
-        try:
-            say = cue.commands
-        except CommandError as error:  # the file was checked when it was read
-            self._notify(f"{name}: {error}")
-            return
-        self._send(name, at, cue.receivers, decks, say, self._step_of(cue, decks, at))
+        self._send(name, at, cue.receivers, decks, cue.commands, self._step_of(cue, decks, at))
         self._notify(f"{name}: {_receivers(decks, present)}")
 
     def _step_of(self, cue: ShowCue, decks: list[str], at: float) -> messages.CommonRound | None:

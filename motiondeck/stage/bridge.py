@@ -13,8 +13,9 @@ from controller.wire.local_transport import PeerGoneError, SocketError
 from controller.wire.messages.arguments import AGO
 from controller.wire.messages.commands import DeckCommand, EmergencyStop, GetStatus, GiveBeat, Subscribe
 from controller.wire.messages.replies import Event, Reply, State
-from motiondeck.stage.osc import OscOutput
-from motiondeck.stage.signals import Input, Notify, Signal
+from motiondeck.stage.midi import MidiInput
+from motiondeck.stage.osc import OscInput, OscOutput
+from motiondeck.stage.signals import Notify, Signal
 
 STATE_EVERY = 0.1  # the period of status requests, s
 
@@ -23,6 +24,7 @@ _POLL = 0.01  # s between reads of the deck's replies
 _MOST_WAITING = 256  # signals that are due later
 _MOST_AT_ONCE = 32  # signals given before replies are read; a deck takes bursts of 40
 
+Input = OscInput | MidiInput
 Answered = Callable[[str, DeckCommand, Reply], None]
 """Called with the source of a command, the command, and a reply to it."""
 

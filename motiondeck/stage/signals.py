@@ -1,8 +1,7 @@
-"""Signals, and the protocol of their inputs."""
+"""Signals: commands that come from OSC and MIDI."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
 
 from controller.wire.messages.commands import DeckCommand
 
@@ -16,18 +15,3 @@ class Signal:
     due: float  # when it is to be given, s, by the bridge's clock; in the past where it was noticed late
     source: str
     command: DeckCommand
-
-
-class Input(Protocol):
-    """An input of signals."""
-
-    def fileno(self) -> int:
-        """A file descriptor that can be read when signals have come."""
-        ...
-
-    def read(self, now: float) -> Iterator[Signal]:
-        """The signals up to a time of the bridge's clock, s; never waits. MidiGoneError if a device is gone."""
-        ...
-
-    def close(self) -> None:
-        """Closes the socket or device; may be called twice."""

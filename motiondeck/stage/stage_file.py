@@ -69,12 +69,10 @@ class StageMap:
     @property
     def patterns(self) -> list[CommandPattern]:
         """All commands in it."""
-        midi = (
-            [*self.midi.notes.values(), *self.midi.controls.values(), *self.midi.cues.values()]
-            if self.midi is not None
-            else []
-        )
-        return [*self.osc.commands.values(), *midi]
+        found = [*self.osc.commands.values()]
+        if self.midi is not None:
+            found += [*self.midi.notes.values(), *self.midi.controls.values(), *self.midi.cues.values()]
+        return found
 
 
 def read_stage(path: Path) -> StageMap:

@@ -277,9 +277,8 @@ class ServoBank:
         registers["present_pwm"] = np.rint(drive.sign * drive.pwm)
         if self._measures_current:
             row = table["present_current"]
-            most = row.largest
-            stall = drive.motor.stall_current / table["present_current"].scale
-            current = np.clip(np.rint(drive.sign * drive.current * stall), -most, most)
+            stall = drive.motor.stall_current / row.scale
+            current = np.clip(np.rint(drive.sign * drive.current * stall), -row.largest, row.largest)
             registers["present_current"] = with_sign(current, row)
         if "present_load" in table.registers:
             load = np.clip(np.rint(drive.sign * drive.current * 1e3), -1000, 1000)
@@ -300,7 +299,6 @@ _BEHIND = 1024  # bytes: farther than the memory of these servos reaches
 _LACKING = ("indirect_", "present_current", "goal_current", "current_limit", "startup_configuration", "backup_ready",
             "protocol_type", "model_information", "acceleration_limit")  # fmt: skip
 _FULL_PWM = 885.0
-
 
 # Servos without an operating mode on the registers of those that have one: a bank computes with the registers of
 # `MAPPED_TO`. Those that a servo lacks stand behind its own memory, out of reach of the bus, and follow its own

@@ -21,7 +21,8 @@ def answer(bus: EmulatedServos, frame: Frame) -> list[Answer]:
     if frame.instruction == wire.SYNC_WRITE:
         return sync_write(bus, FAMILY, frame.params) if everybody else []
     if frame.instruction == wire.BULK_READ:
-        return _bulk_read(bus, frame.params) if everybody else []
+        blocks = (frame.params[at : at + 3] for at in range(1, len(frame.params) - 2, 3))
+        return in_turn(bus, (_read(bus, *block) for block in blocks)) if everybody else []
     devices = bus.everybody(FAMILY) if everybody else bus.hearing(frame.id, FAMILY)
     answers = [one for device in devices for one in _alone(bus, device, frame)]
     bus.reindex()
@@ -72,10 +73,6 @@ def _alone(bus: EmulatedServos, device: EmulatedServo, frame: Frame) -> list[Ans
 
 def _bits(error: int) -> int:
     return _ERROR_BITS.get(error, BAD_INSTRUCTION) if error else 0
-
-
-def _bulk_read(bus: EmulatedServos, params: bytes) -> list[Answer]:
-    return in_turn(bus, (_read(bus, *params[at : at + 3]) for at in range(1, len(params) - 2, 3)))
 
 
 def _read(bus: EmulatedServos, length: int, id: int, address: int) -> list[Answer]:

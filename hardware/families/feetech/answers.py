@@ -18,7 +18,8 @@ def answer(bus: EmulatedServos, frame: Frame) -> list[Answer]:
     if frame.instruction == wire.SYNC_WRITE:
         return sync_write(bus, FAMILY, frame.params) if everybody else []
     if frame.instruction == wire.SYNC_READ:
-        return _sync_read(bus, frame.params) if everybody else []
+        read = Frame(0, wire.READ, frame.params[:2])
+        return in_turn(bus, (_together(bus, id, read) for id in frame.params[2:])) if everybody else []
     if everybody and frame.instruction == wire.PING:
         return [one for id in bus.ids() for one in _together(bus, id, frame)]
     devices = bus.everybody(FAMILY) if everybody else bus.hearing(frame.id, FAMILY)
@@ -59,8 +60,3 @@ def _alone(bus: EmulatedServos, device: EmulatedServo, frame: Frame) -> list[Ans
         case _:
             answers = False
     return [Answer(delay, build(id, problems, data), id)] if answers else []
-
-
-def _sync_read(bus: EmulatedServos, params: bytes) -> list[Answer]:
-    read = Frame(0, wire.READ, params[:2])
-    return in_turn(bus, (_together(bus, id, read) for id in params[2:]))

@@ -247,11 +247,9 @@ class Readings:
                 measured.errors[joints] = errors
             measured.temperatures[joints] = rows["present_temperature"]
             measured.voltages[joints] = rows["present_input_voltage"] * _VOLT
-        measured.positions[joints], measured.velocities[joints], measured.currents[joints] = (
-            positions,
-            velocities,
-            currents,
-        )
+        measured.positions[joints] = positions
+        measured.velocities[joints] = velocities
+        measured.currents[joints] = currents
 
     def _see(self, joints: NDArray[np.int64] | slice, positions: Array, torque: NDArray[np.bool_], now: float) -> None:
         """Notes where servos with torque are, unless that is farther than they can have come: another may answer."""

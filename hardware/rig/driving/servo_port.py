@@ -279,11 +279,8 @@ def longest_tick(config: RigConfig, blocks: Sequence[StateBlock], fast: bool, ow
     count = len(config.joints)
     readings = Readings(config, range(count), RigScale(config), Measurements(count), RigFaults.none(count))
     readings.start(range(count), np.zeros(count), blocks, 0.0)
-    written = sum(
-        len(SyncWrite([config.joints[index].id for index in members], address, length, family).frame())
-        for name in _WRITTEN
-        for (family, address, length), members in same_place(config, name).items()
-    )
+    groups = [group for name in _WRITTEN for group in _groups(config, name, np.arange(count), count)]
+    written = sum(len(group.write.frame()) for group in groups)
     longest = 0.0
     for request in readings.every_request():
         read = config.joints[request.joints[0]].table.family.group_read(request.blocks, fast)

@@ -171,9 +171,8 @@ class Health:
     def give_up(self, now: float) -> None:
         """Goes on without the joints in `fatal`."""
         for index in np.flatnonzero(self.fatal).tolist():
-            self.incidents.append(
-                Incident(now, self._names[index], f"{self._reason[index]}; the rig goes on without it")
-            )
+            what = f"{self._reason[index]}; the rig goes on without it"
+            self.incidents.append(Incident(now, self._names[index], what))
         self._given_up |= self.fatal & (self._was_idle | self._often_mended(now))
         self.lost |= self.fatal
         self.mend &= ~self.lost
@@ -186,9 +185,8 @@ class Health:
 
     def take_back(self, joint: int, now: float) -> None:
         """Counts on a joint again; without torque it is then set up anew."""
-        self.off[joint] = self.lost[joint] = self._given_up[joint] = self._was_idle[joint] = self._at_odds[joint] = (
-            False
-        )
+        for flags in (self.off, self.lost, self._given_up, self._was_idle, self._at_odds):
+            flags[joint] = False
         self._mended[joint].clear()
         self._heard[joint] = self._anchored[joint] = now
         self._anchor[joint] = np.inf

@@ -45,7 +45,7 @@ class PortRecovery:
         self.port, self._health, self._open_bus = port, health, open_bus
         self._beside, self._sleep = beside, sleep
         self.under_way = False  # whether it runs, or its result was not taken yet
-        self._cancelled = False
+        self.cancelled = False  # set to end it as soon as possible; see `wait`
         self._recovered: Recovered | None = None
         self.failure: MotiondeckError | None = None  # why the last try has failed
         self.to_do: Callable[[Bus], object] | None = None  # another task that waits for answers; it is done first
@@ -72,10 +72,6 @@ class PortRecovery:
         recovered, self._recovered = self._recovered, None
         return recovered
 
-    def cancel(self) -> None:
-        """Ends it as soon as possible; see `wait`."""
-        self._cancelled = True
-
     def wait(self) -> None:
         """Waits for the end, before which it could still switch something on."""
         if self.job is not None:
@@ -86,7 +82,7 @@ class PortRecovery:
         bus = None if port.gone else port.bus
         waited, began = 0.0, port.bus.port.now()
         to_do, self.to_do = self.to_do, None
-        while not self._cancelled:
+        while not self.cancelled:
             try:
                 if bus is None:
                     port.bus.close()
@@ -99,7 +95,7 @@ class PortRecovery:
                 places = np.flatnonzero(~self._health.lost[port.joints]).tolist()
                 alive = port.part.only(places).servos
                 own = [port.servos.names.index(name) for name in alive.names]
-                held = resume(alive, bus, port.believed[:, own], SLOWER, lambda: self._cancelled)
+                held = resume(alive, bus, port.believed[:, own], SLOWER, lambda: self.cancelled)
                 joints, rows = port.joints[places].tolist(), port.rows[own].tolist()
                 firsts = [index for index, servo in enumerate(alive.joints) if servo.name == servo.joint_name]
                 keep_zeros(alive, held.zeros, port.turns)

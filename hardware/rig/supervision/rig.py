@@ -287,7 +287,7 @@ class Rig:
         self._stopped = True
         self._keeping.stop()
         for one in self._recoveries:
-            one.cancel()
+            one.cancelled = True
         try:
             for one in self._recoveries:
                 one.wait()

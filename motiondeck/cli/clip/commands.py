@@ -20,8 +20,8 @@ from motiondeck.cli.common.options import (
     SkeletonOption,
     check_other,
     ground_of,
+    grouped,
 )
-from motiondeck.cli.common.options_class import grouped
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.files import check_folder
 
@@ -50,13 +50,12 @@ def show(file: FileArgument, reading: Reading, ground: GroundOption = "auto", as
     from motiondeck.cli.clip.clip_facts import facts, joint_facts
 
     recording = _read(file, with_steps(replace(reading.options(), ground=ground_of(ground))))
-    if recording.clip.skeleton.is_rig:
-        joints = joint_facts(recording.clip)
-        print(json.dumps(joints)) if as_json else _print_joints(joints)
-        return
-    known = facts(recording)
+    is_rig = recording.clip.skeleton.is_rig
+    known = joint_facts(recording.clip) if is_rig else facts(recording)
     if as_json:
         print(json.dumps(known))
+    elif is_rig:
+        _print_joints(known)
     else:
         _print(known)
 

@@ -76,19 +76,11 @@ def print_errors(motions: Iterable[MotionInfo]) -> None:
         if error.slide_mm is not None:
             feet = (f"{error.slide_mm:.0f} ({error.recorded_slide_mm:.0f})", f"{error.floor_mm:.0f}")
         rows.append((motion.name, *spread, worst, f"{error.own_body_mm:.1f}", held, *feet))
-    if rows:
-        headings = (
-            "motion",
-            "mm",
-            "degrees",
-            "worst at",
-            "own body, mm",
-            "held pose, °",
-            "feet slide, mm",
-            "floor, mm",
-        )
-        title = "free run against the recording: median / 95 % / worst"
-        show_table(headings, rows, title=title, left=("worst at",))
+    if not rows:
+        return
+    headings = ("motion", "mm", "degrees", "worst at", "own body, mm", "held pose, °", "feet slide, mm", "floor, mm")
+    title = "free run against the recording: median / 95 % / worst"
+    show_table(headings, rows, title=title, left=("worst at",))
 
 
 def join_fields(join: Join | None) -> dict[str, Any] | None:

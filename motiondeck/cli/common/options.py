@@ -1,11 +1,13 @@
-"""Options that several commands share, and checks of the files to write."""
+"""Options that several commands share, also as fields of a dataclass; and checks of the files to write."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import partial
+import inspect
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, is_dataclass
+from functools import partial, wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from typer import Option
 
@@ -44,7 +46,6 @@ RootOption = Annotated[
 ]
 JsonOption = Annotated[bool, Option("--json", help="Print one JSON object instead of a table.")]
 PagePortOption = Annotated[int, Option(metavar="PORT", help="The page's port; 0 for any free one.")]
-
 
 GroundOption = Annotated[
     str, Option(metavar="METRES", help="Height of the file's floor; auto: where feet stand; none: leave it.")
@@ -122,3 +123,33 @@ def check_other(recording: Path, out: Path) -> None:
     linked = recording.exists() and out.exists() and recording.samefile(out)
     if linked or recording.resolve() == out.resolve():
         raise MotiondeckError(f"{out}: this is the recording itself. Give another name to write to.")
+
+
+Group = tuple[Sequence[inspect.Parameter], Callable[..., Any]]
+"""Parameters for typer, and what makes the one value of them."""
+
+
+def grouped(command: Callable[..., None]) -> Callable[..., None]:
+    """A command for typer in which each parameter of a dataclass type is replaced by the fields of the dataclass."""
+    kinds: dict[str, Any] = {one.name: one.annotation for one in _parameters(command) if is_dataclass(one.annotation)}
+    return with_groups(command, {name: (_parameters(kind), kind) for name, kind in kinds.items()})
+
+
+def with_groups(command: Callable[..., None], groups: Mapping[str, Group]) -> Callable[..., None]:
+    """A command for typer in which the parameters of these names are replaced by those of their groups."""
+    every = [one for own in _parameters(command) for one in (groups[own.name][0] if own.name in groups else [own])]
+    parameters = [one.replace(kind=inspect.Parameter.KEYWORD_ONLY) for one in every]
+
+    @wraps(command)
+    def called(**values: Any) -> None:
+        for name, (own, value_of) in groups.items():
+            values[name] = value_of(**{one.name: values.pop(one.name) for one in own if one.name in values})
+        command(**values)
+
+    called.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+    called.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
+    return called
+
+
+def _parameters(made: Callable[..., Any]) -> list[inspect.Parameter]:
+    return list(inspect.signature(made, eval_str=True).parameters.values())

@@ -29,7 +29,6 @@ SLOWEST = 0.1  # the tempo of the stick when it is pulled all the way down
 DEAD = 0.15  # deflections of the stick up to this share of the full one count as released
 STEP = 0.1  # tempos are sent in such steps, so that a hand on the stick does not flood the deck
 
-
 # Linux, include/uapi/linux/input-event-codes.h; written out because evdev is an optional dependency.
 EV_SYN, EV_KEY, EV_ABS = 0, 1, 3
 SYN_DROPPED = 3
@@ -182,26 +181,18 @@ def drive(device: InputDevice[str], client: CommandClient) -> None:
                 continue
             reply = client.request(message)
             if isinstance(reply, Refused) or not isinstance(message, commands.SetTempo):
-                print(f"{_typed(message)}: {describe(reply)}", flush=True)
+                motion = f" {message.to}" if isinstance(message, commands.Switch) else ""
+                print(f"{message.row.word}{motion}: {describe(reply)}", flush=True)
             if isinstance(message, commands.GiveBeat):
-                _print_lock(client)
+                state = client.request(commands.GetStatus())
+                if isinstance(state, State) and state.lock is not None:
+                    print(state.lock, flush=True)
             if isinstance(message, commands.Stop):
                 return
     except OSError:
         pass  # unplugged
     client.request(commands.Pause())
     raise MotiondeckError("the gamepad was unplugged, so the deck was paused")
-
-
-def _print_lock(client: CommandClient) -> None:
-    state = client.request(commands.GetStatus())
-    if isinstance(state, State) and state.lock is not None:
-        print(state.lock, flush=True)
-
-
-def _typed(message: DeckCommand) -> str:
-    word = message.row.word
-    return f"{word} {message.to}" if isinstance(message, commands.Switch) else word
 
 
 def gamepad(

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from controller.wire.command_socket import CommandClient
     from controller.wire.messages.commands import DeckCommand
     from controller.wire.messages.replies import Reply
-    from motiondeck.stage.signals import Input
+    from motiondeck.stage.bridge import Input
     from motiondeck.stage.stage_file import StageMap
 
 
@@ -104,11 +104,9 @@ def _check_motions(mapped: StageMap, path: Path, client: CommandClient) -> None:
 
 def _summary(mapped: StageMap) -> str:
     osc, midi = mapped.osc, mapped.midi
-    parts = (
-        [f"OSC on port {osc.port} of loopback ({counted(len(osc.commands), 'address')})"]
-        if osc.port is not None
-        else []
-    )
+    parts: list[str] = []
+    if osc.port is not None:
+        parts.append(f"OSC on port {osc.port} of loopback ({counted(len(osc.commands), 'address')})")
     if osc.target is not None:
         parts.append(f"OSC to {osc.target[0]}:{osc.target[1]}")
     if midi is not None:

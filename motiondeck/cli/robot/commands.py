@@ -160,16 +160,16 @@ def calibrate(
     elif verdicts:
         print_verdicts(verdicts, f"{LIBRARY} on {file.stem}")
     if picture is not None or view:
-        from motiondeck.pictures.side_by_side import draw_beside, played
+        from motiondeck.pictures.side_by_side import draw_beside, shipped_walk
 
         if picture is not None:
-            draw_beside(played("thesis15", "walk", PICTURE_SECONDS), file, picture)
+            draw_beside(shipped_walk(PICTURE_SECONDS), file, picture)
             print(f"wrote {picture}", file=sys.stderr)
         if view:
             from motiondeck.pictures.clip_scene import act_of
             from motiondeck.run.page.page import show_act
 
-            show_act(act_of(played("thesis15", "walk", VIEW_SECONDS), file), port)
+            show_act(act_of(shipped_walk(VIEW_SECONDS), file), port)
     if fails:
         raise typer.Exit(1)
 

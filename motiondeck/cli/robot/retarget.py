@@ -95,16 +95,8 @@ def print_rows(rows: list[RetargetedFile], out: Path) -> None:
     from motiondeck.cli.common.tables import show_table
     from sim.robots.verdict import summed
 
-    headings = (
-        "recording",
-        "frames",
-        "fps",
-        *(name.replace("_", " ") for name in SEGMENTS),
-        "fast",
-        "sunk",
-        "slide",
-        "verdict",
-    )
+    segments = [name.replace("_", " ") for name in SEGMENTS]
+    headings = ("recording", "frames", "fps", *segments, "fast", "sunk", "slide", "verdict")
     lines = []
     for row in rows:
         if row.error is None:
