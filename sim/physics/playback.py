@@ -188,7 +188,7 @@ class PhysicsPlayback:
             self._lost = legs.falling
             return
         before = recovery.phase
-        recovery.adjust(legs, self.data, self._goal_before, self._goal, held=self.holds())
+        recovery.adjust(self.data, self._goal_before, self._goal, falling=legs.falling, held=self.holds())
         if recovery.phase is not before:
             self._lead = lead_of(self.model)
             if recovery.phase is Phase.FALLS:

@@ -11,7 +11,6 @@ import math
 from collections.abc import Iterator, Sequence
 from enum import Enum, auto
 from itertools import chain
-from typing import Protocol
 
 import mujoco
 import numpy as np
@@ -34,9 +33,7 @@ GIVEN_UP, JOINS = 1.0, 0.6  # time after which a tucked robot has given up, and 
 
 
 class FallGuard:
-    """Controls the joints of a falling robot while it is `active`, by its `targets` (J,), rad."""
-
-    active: bool = False
+    """Controls the joints of a falling robot by its `targets` (J,), rad."""
 
     def __init__(self, robot: Robot, model: mujoco.MjModel, dt: float) -> None:
         """Args: the robot; the simulated model, whose servos it softens; the tick, s."""
@@ -47,13 +44,11 @@ class FallGuard:
 
     def take_over(self, goal: Array) -> None:
         """Softens the servos, and starts from the joints of a goal (nq,)."""
-        self.active = True
         self._robot.layout.read(goal, near=self.targets, out=self.targets)
         self._soften(SOFT)
 
     def let_go(self) -> None:
         """Restores the servos."""
-        self.active = False
         self._soften(1.0)
 
     def adjust(self, goal: Array) -> None:
@@ -72,12 +67,6 @@ def has_fallen(qpos: Array, played: Array, standing: Array) -> bool:
     upright = rotate(np.stack([qpos[3:7], played[3:7]]), up)[:, 2]
     lean, played_lean = np.arccos(np.clip(upright, -1.0, 1.0))
     return bool(qpos[2] < FALLEN_HEIGHT * played[2] or lean > played_lean + FALLEN_TILT)
-
-
-class Legs(Protocol):
-    """A controller of the legs."""
-
-    falling: bool  # whether a fall is certain
 
 
 class Phase(Enum):
@@ -125,12 +114,12 @@ class Recovery:
         """Whether it no longer plays the motion."""
         return self.phase in (Phase.RISES, Phase.LIES) or (self.phase is Phase.FALLS and self.seconds > GIVEN_UP)
 
-    def adjust(self, legs: Legs, data: mujoco.MjData, before: Array, goal: Array, *, held: bool = False) -> None:
-        """Replaces the joints of a goal (nq,), given the last goal and the robot's state."""
+    def adjust(self, data: mujoco.MjData, before: Array, goal: Array, *, falling: bool, held: bool = False) -> None:
+        """Replaces the joints of a goal (nq,), given the last goal, the state, and whether a fall is certain."""
         # A held robot pauses on its way up, but still protects itself in a fall.
         if not (held and self.phase in (Phase.RISES, Phase.JOINS)) or self.stands:
             self._ticks += 1
-        if legs.falling and self.phase in (Phase.PLAYS, Phase.JOINS):
+        if falling and self.phase in (Phase.PLAYS, Phase.JOINS):
             self._guard.take_over(before)
             self._begin(Phase.FALLS)
         match self.phase:

@@ -1,4 +1,4 @@
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import mujoco
 import numpy as np
@@ -16,13 +16,6 @@ SERVO20 = load_robot(ROBOTS / "servo20.toml", human())
 ROWS = ((0.1, SERVO20.tucked),)
 
 
-@dataclass
-class Feet:
-    """Legs that fall on demand."""
-
-    falling: bool = False
-
-
 class Lying:
     """A robot at rest in a given place, and the goals of its joints."""
 
@@ -31,7 +24,7 @@ class Lying:
         self.model = physics_model(self.robot, "free")
         self.data = mujoco.MjData(self.model)
         self.recovery = Recovery(self.robot, self.model, DT)
-        self.feet = Feet()
+        self.falling = False  # on demand
         self.goal = self.model.qpos0.copy()
 
     def put(self, turn, height):
@@ -44,7 +37,7 @@ class Lying:
         for _ in range(round(seconds / DT)):
             before, played = self.goal.copy(), self.model.qpos0.copy()
             self.goal[:] = played
-            self.recovery.adjust(self.feet, self.data, before, self.goal, held=held)
+            self.recovery.adjust(self.data, before, self.goal, falling=self.falling, held=held)
             phases.append(self.recovery.phase)
             goals.append(self.goal[SERVO20.layout.hinge_qpos].copy())
         return phases, np.array(goals)
@@ -58,7 +51,7 @@ def shoulder_of(rows):
 def test_it_gets_up_by_the_side_on_which_it_lies(turn, side):
     body = Lying()
     body.put(turn, 0.05)
-    body.feet.falling = True
+    body.falling = True
     phases, _ = body.go_on(1.2)
     assert phases[0] is Phase.FALLS
     assert phases[-1] is Phase.RISES
@@ -72,10 +65,10 @@ def test_it_gets_up_by_the_side_on_which_it_lies(turn, side):
 def test_no_joint_jumps_from_one_phase_to_the_next():
     body = Lying()
     body.put((0.0, 1.5, 0.0), 0.05)
-    body.feet.falling = True
+    body.falling = True
     _, falling = body.go_on(7.0)
     body.put((0.0, 0.0, 0.0), 0.24)
-    body.feet.falling = False
+    body.falling = False
     phases, standing = body.go_on(3.0)
     assert Phase.JOINS in phases
     assert phases[-1] is Phase.PLAYS
@@ -87,10 +80,10 @@ def test_who_stands_gets_its_strength_back_and_its_legs_begin_anew_once():
     body = Lying(Rise(ROWS, ()))
     gain = body.model.actuator_gainprm[:, 0].copy()
     body.put((0.0, 0.0, 0.0), 0.24)
-    body.feet.falling = True
+    body.falling = True
     body.go_on(0.3)
     assert np.allclose(body.model.actuator_gainprm[:, 0], SOFT * gain)
-    body.feet.falling = False
+    body.falling = False
     began = 0
     for _ in range(round(3.5 / DT)):
         body.go_on(DT)
@@ -104,7 +97,7 @@ def test_who_stands_gets_its_strength_back_and_its_legs_begin_anew_once():
 def test_who_never_gets_on_its_feet_lies_straight_at_last():
     body = Lying(Rise(ROWS, ROWS))
     body.put((0.0, 1.5, 0.0), 0.05)
-    body.feet.falling = True
+    body.falling = True
     phases, goals = body.go_on(4.0 + 1.5 * (1 + TRIES))
     assert phases[-1] is Phase.LIES
     assert np.allclose(goals[-1], SERVO20.rest)
@@ -114,7 +107,7 @@ def test_who_never_gets_on_its_feet_lies_straight_at_last():
 def test_a_robot_that_cannot_get_up_stays_as_it_fell():
     body = Lying(None)
     body.put((0.0, 1.5, 0.0), 0.05)
-    body.feet.falling = True
+    body.falling = True
     phases, goals = body.go_on(4.0)
     assert set(phases) == {Phase.FALLS}
     assert np.allclose(goals[-1], SERVO20.tucked)
@@ -123,7 +116,7 @@ def test_a_robot_that_cannot_get_up_stays_as_it_fell():
 def test_who_is_held_does_not_get_up():
     body = Lying()
     body.put((0.0, 1.5, 0.0), 0.05)
-    body.feet.falling = True
+    body.falling = True
     phases, goals = body.go_on(4.0, held=True)
     assert set(phases) == {Phase.FALLS}
     assert np.allclose(goals[-1], SERVO20.tucked)
@@ -132,13 +125,13 @@ def test_who_is_held_does_not_get_up():
 def test_who_is_held_on_its_way_up_stays_there_and_then_goes_on():
     body = Lying(Rise(ROWS, ()))
     body.put((0.0, 1.5, 0.0), 0.05)
-    body.feet.falling = True
+    body.falling = True
     _, rising = body.go_on(1.8)
     assert body.recovery.phase is Phase.RISES
     _, goals = body.go_on(3.0, held=True)
     assert np.array_equal(goals, np.tile(rising[-1], (len(goals), 1)))
     body.put((0.0, 0.0, 0.0), 0.24)
-    body.feet.falling = False
+    body.falling = False
     while body.recovery.phase is not Phase.JOINS:
         body.go_on(DT)
     _, joining = body.go_on(0.2)
@@ -154,7 +147,7 @@ def test_it_gets_up_from_where_its_joints_are_and_not_from_where_they_were_to_be
     body.robot = replace(body.robot, limits=limits)
     body.recovery = Recovery(body.robot, body.model, DT)
     body.put((0.0, 1.5, 0.0), 0.05)
-    body.feet.falling = True
+    body.falling = True
     phases, goals = body.go_on(2.0)
     assert phases[-1] is Phase.RISES
     assert np.abs(np.diff(goals, axis=0)).max() < 5.5 * DT
@@ -164,7 +157,7 @@ def test_a_body_that_still_moves_does_not_get_up():
     body = Lying()
     body.put((0.0, 1.5, 0.0), 0.05)
     body.data.qvel[0] = 0.5
-    body.feet.falling = True
+    body.falling = True
     assert set(body.go_on(2.0)[0]) == {Phase.FALLS}
 
 
@@ -173,7 +166,7 @@ def test_a_body_that_never_comes_to_rest_gets_up_all_the_same():
     body = Lying(Rise(ROWS, ROWS))
     body.put((0.0, 1.5, 0.0), 0.05)
     body.data.qvel[0] = 0.5
-    body.feet.falling = True
+    body.falling = True
     phases, _ = body.go_on(7.0)
     assert phases[-1] is Phase.RISES
     assert body.go_on(8.0 * (1 + TRIES))[0][-1] is Phase.LIES
