@@ -1,5 +1,9 @@
-"""Reading TOML into typed structures; errors name the file, the line, each wrong key and what is allowed there."""
+"""Reading TOML into typed structures, and writing values.
 
+Errors name the file, the line, each wrong key and what is allowed there.
+"""
+
+import json
 import re
 import tomllib
 from bisect import bisect_left
@@ -223,3 +227,17 @@ def _is_struct(shape: Any) -> bool:
 
 def _at(where: Keys) -> str:
     return f" in [{key_path(where)}]" if where else ""
+
+
+def toml_value(value: object) -> str:
+    """A text, number, truth value or list, a table or structure of them, as TOML writes it on one line."""
+    if isinstance(value, msgspec.Struct):
+        value = msgspec.structs.asdict(value)
+    if isinstance(value, dict):
+        return "{ " + ", ".join(f"{toml_key(key)} = {toml_value(part)}" for key, part in value.items()) + " }"
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")  # JSON leaves this one as it is
+
+
+def toml_key(name: str) -> str:
+    """A key as TOML writes it: in quotes only where that is needed."""
+    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else toml_value(name)

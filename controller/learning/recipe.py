@@ -1,6 +1,5 @@
 """A training recipe: the recordings of each motion, and the network that learns them."""
 
-import json
 import re
 import unicodedata
 from collections.abc import Iterator, Sequence
@@ -20,7 +19,7 @@ from controller.motion.clip import Up
 from controller.motion.formats.reading import read_clip
 from motiondeck_base.errors import FileFormatError, MotiondeckError
 from motiondeck_base.files import way_from
-from motiondeck_base.toml_file import read_toml, shaped
+from motiondeck_base.toml_file import read_toml, shaped, toml_value
 
 if not TYPE_CHECKING:  # msgspec reads one of these
     NetworkRecipe = Union[network_recipes()]  # noqa: UP007
@@ -298,11 +297,4 @@ def recipe_text(recipe: LibraryRecipe, folder: Path | None = None) -> str:
 
 
 def _toml_line(key: str, value: Any) -> str:
-    return f"{key} = {_toml_value(value)}"
-
-
-def _toml_value(value: Any) -> str:
-    """A string, number, list or table as TOML writes it; JSON's strings, numbers and lists are the same."""
-    if isinstance(value, dict):
-        return "{ " + ", ".join(f"{json.dumps(key)} = {_toml_value(part)}" for key, part in value.items()) + " }"
-    return json.dumps(value)
+    return f"{key} = {toml_value(value)}"

@@ -13,6 +13,7 @@ from hardware.rig.rig_file import RigConfig, load_rig
 from hardware.rig.rig_joint import RigJoint
 from hardware.tools.scan import Found
 from motiondeck_base.files import write_file
+from motiondeck_base.toml_file import toml_value
 
 FIRST_VELOCITY = 2.0  # rad/s: what a joint may do until somebody knows better; every model can
 _RATE = 100.0  # Hz
@@ -74,12 +75,12 @@ def assembled(joints: Iterable[RigJoint], port: str, bauds: Iterable[int]) -> Ri
 def save_rig(config: RigConfig, path: Path) -> None:
     """Writes a rig file."""
     settings = msgspec.structs.asdict(config)
-    lines = [f"{key} = {_toml(value)}" for key, value in settings.items() if key != "joints"]
+    lines = [f"{key} = {toml_value(value)}" for key, value in settings.items() if key != "joints"]
     lines += ["", "# zero in pulses, lower and upper in rad, velocity in rad/s", "joints = ["]
     usual = {field.name: field.default for field in msgspec.structs.fields(RigJoint) if not field.required}
     for joint in config.joints:
         own = {key: value for key, value in msgspec.structs.asdict(joint).items() if value != usual.get(key)}
-        row = ", ".join(f"{key} = {_toml(value)}" for key, value in own.items())
+        row = ", ".join(f"{key} = {toml_value(value)}" for key, value in own.items())
         lines.append(f"  {{ {row} }},")
     write_file(path, "\n".join([*lines, "]", ""]).encode())
 
@@ -89,7 +90,7 @@ def set_port(path: Path, port: str) -> str:
     config = load_rig(path)
     if config.ports != (config.port,):
         raise RigError(f"{path} has the ports {', '.join(config.ports)}: write {port} where it belongs.")
-    line = f"port = {_toml(port)}"
+    line = f"port = {toml_value(port)}"
     write_file(path, _PORT_LINE.sub(lambda _: line, path.read_text(encoding="utf-8"), count=1).encode())
     return config.port
 
@@ -134,11 +135,3 @@ def _with_value(text: str, joint: int, key: str, value: float) -> str:
         before = after = start + row.index("\n")
         put = f"\n{key} = {value:g}"
     return text[:before] + put + text[after:]
-
-
-def _toml(value: object) -> str:
-    if isinstance(value, msgspec.Struct):
-        return f"{{ {', '.join(f'{key} = {_toml(one)}' for key, one in msgspec.structs.asdict(value).items())} }}"
-    if isinstance(value, bool):
-        return str(value).lower()
-    return msgspec.json.encode(value).decode() if isinstance(value, str) else str(value)

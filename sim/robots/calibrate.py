@@ -9,8 +9,6 @@ its elbow at the end of the range may be twisted so that it can never bend. So i
 solution, others are started anywhere in the joints' ranges, and each limb takes its best one.
 """
 
-import json
-import re
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,6 +21,7 @@ from controller.motion.rest_pose import FOOT_SLOPE
 from controller.motion.rotations import Array
 from motiondeck_base.counted import counted
 from motiondeck_base.errors import FileFormatError
+from motiondeck_base.toml_file import toml_key, toml_value
 from sim.models.formats.mesh_files import MISSING
 from sim.models.formats.model_text import model_kind, urdf_speeds, visual_packages
 from sim.models.formats.urdf_visuals import missing_visuals
@@ -104,10 +103,10 @@ class Calibration:
         turned = ", ".join(f"{component:.6g}" for component in self.root_rotation.round(9) + 0.0)
         lines = [
             f"# {self.name}: written by `motiondeck robot calibrate`. Correct it where `robot check` says so.",
-            f"name = {_quoted(self.name)}",
+            f"name = {toml_value(self.name)}",
             'kind = "humanoid"',
-            f"model = {_quoted(str(model))}",
-            *(f"packages.{_key(name)} = {_quoted(str(folder.resolve()))}" for name, folder in self.packages.items()),
+            f"model = {toml_value(str(model))}",
+            *(f"packages.{toml_key(name)} = {toml_value(str(at.resolve()))}" for name, at in self.packages.items()),
             "",
             "# Retargeting: ik (inverse kinematics), or angles if there is a table [angles].",
             'solver = "ik"',
@@ -130,16 +129,15 @@ class Calibration:
             own = [f"velocity = {self.speeds[joint]!r}"] if joint in self.speeds else []
             own += ["lower = -3.1416", "upper = 3.1416"] if joint in self.unlimited else []
             if own:
-                lines += [f"[limits.joints.{_key(joint)}]", *own]
+                lines += [f"[limits.joints.{toml_key(joint)}]", *own]
         lines += ["", "# Parts of the body, each with the body of the model that moves with it."]
-        lines += ["[parts]", *(f"{part} = {_quoted(body)}" for part, body in sorted(self.parts.items()))]
+        lines += ["[parts]", *(f"{part} = {toml_value(body)}" for part, body in sorted(self.parts.items()))]
         lines += ["", "# The rest pose, rad; joints not named rest at zero.", "[rest]"]
         rest = zip(self.joints, self.rest.tolist(), strict=True)
-        lines += [f"{_key(joint)} = {q!r}" for joint, q in rest if abs(q) > 1e-3]
+        lines += [f"{toml_key(joint)} = {q!r}" for joint, q in rest if abs(q) > 1e-3]
         if self.angles:
             lines += ["", "# The angle solver's angles: joint = zero + sign * angle.", "[angles]"]
-        for name, angle in self.angles.items():
-            lines.append(f"{name} = {{ joint = {_quoted(angle.joint)}, sign = {angle.sign}, zero = {angle.zero:g} }}")
+        lines += [f"{name} = {toml_value(angle)}" for name, angle in self.angles.items()]
         return "\n".join(lines) + "\n"
 
 
@@ -315,15 +313,6 @@ def _ankle_rolls(limbs: RobotLimbs, joints: tuple[str, ...], rest: Array) -> dic
             if abs(lift[joint]) > 1.0 - SLOPE_ERROR:
                 found[f"{side}_ankle_roll"] = (joint, int(np.sign(lift[joint])))
     return found
-
-
-def _quoted(text: str) -> str:
-    """A TOML string: JSON's are."""
-    return json.dumps(text, ensure_ascii=False)
-
-
-def _key(name: str) -> str:
-    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else _quoted(name)
 
 
 def rest_pose(limbs: RobotLimbs, limits: JointLimits, stand: Array) -> Array:

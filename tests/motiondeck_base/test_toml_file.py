@@ -1,3 +1,4 @@
+import tomllib
 from typing import Literal
 
 import msgspec
@@ -6,7 +7,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from motiondeck_base.errors import FileFormatError
-from motiondeck_base.toml_file import read_toml, shaped
+from motiondeck_base.toml_file import read_toml, shaped, toml_key, toml_value
 
 
 class Part(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
@@ -104,6 +105,16 @@ def test_each_wrong_part_has_a_line_of_its_own(wrong, unknown):
     assert {i for i in range(10) for line in lines if line.endswith(f"in [parts.{i + 1}.size]")} == wrong
     assert {i for i in range(10) for line in lines if f"'seize' in [parts.{i + 1}]" in line} == unknown
     assert len(lines) == len(wrong) + len(unknown)
+
+
+words = st.text(st.characters(exclude_categories=["Cs"]), max_size=8)
+plain = words | st.integers(-9, 9) | st.floats(allow_nan=False, allow_infinity=False) | st.booleans()
+
+
+@given(words, st.recursive(plain, lambda part: st.lists(part, max_size=3), max_leaves=5), st.dictionaries(words, plain))
+def test_what_is_written_is_read_again(key, value, table):
+    text = f"{toml_key(key)} = {toml_value(value)}\n{toml_key(key + 'a')} = {toml_value(table)}"
+    assert tomllib.loads(text) == {key: value, key + "a": table}
 
 
 LINES = """# span = [

@@ -1,16 +1,14 @@
 """The keys of a motion that is being written: set, moved and deleted in any order, and their file."""
 
-import json
 import math
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 from controller.motion.clip import Clip, Plays
 from controller.motion.formats.keyframes import Easing, Key, Keyframes, drawn_up
+from motiondeck_base.toml_file import toml_key
 
 Way = tuple[float, Easing]
-_BARE = re.compile(r"[A-Za-z0-9_-]+")
 _TO_MS, _TO_DEG = 3, 4  # decimals of a time, s, and of an angle, deg
 
 
@@ -76,7 +74,7 @@ class KeySheet:
         rate = f"rate = {self.rate}\n" if self.rate != 100.0 else ""
         lines = [f'unit = "deg"\nplays = "{self.plays}"\nlength = {self.length}\n{rate}key = [']
         for key in self.written.key:
-            pose = ", ".join(f"{_named(joint)} = {value}" for joint, value in key.pose.items())
+            pose = ", ".join(f"{toml_key(joint)} = {value}" for joint, value in key.pose.items())
             easing = f', easing = "{key.easing}"' if key.easing != "smooth" else ""
             lines.append(f"  {{ at = {key.at}, pose = {{ {pose} }}{easing} }},")
         return "\n".join([*lines, "]\n"])
@@ -84,7 +82,3 @@ class KeySheet:
     def clip(self, name: str) -> Clip:
         """The motion; FileFormatError if the keys contradict each other, or there is none."""
         return drawn_up(self.written, name)
-
-
-def _named(joint: str) -> str:
-    return joint if _BARE.fullmatch(joint) else json.dumps(joint)
