@@ -176,11 +176,8 @@ class EmulatedBus:
 
     def _awake(self, devices: list[Device], family: Family) -> list[Device]:
         """Those that are alive, not starting up, listen at the host's speed, and speak as this family."""
-        return [
-            d
-            for d in devices
-            if d.family is family and not d.dead and self.time >= d.asleep_until and d.baud == self.baud
-        ]
+        awake = (one for one in devices if one.family is family and not one.dead and self.time >= one.asleep_until)
+        return [one for one in awake if one.baud == self.baud]
 
     def mixed(self, answers: list[Answer]) -> Answer:
         """Answers given at the same time: a 0 on the wire wins against a 1, as it does where drivers share a line."""

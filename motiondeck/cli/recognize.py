@@ -96,24 +96,21 @@ def run(
 
     options = ReadingOptions(skeleton)
     loaded = load_recognizer(recognizer)
-    folders = clips
-    clips = [clip for path in clips for clip in (recordings_below(path) if path.is_dir() else [path])]
-    if not clips:
-        where = ", ".join(map(str, folders))
+    files = [file for path in clips for file in (recordings_below(path) if path.is_dir() else [path])]
+    if not files:
+        where = ", ".join(map(str, clips))
         raise MotiondeckError(f"{where}: no recording found. Give a folder with recordings, or a recording.")
     out: list[dict[str, Any]] = []
     failed: list[str] = []
-    for path in clips:
+    for path in files:
         try:
             if not path.is_file():
                 raise MotiondeckError.missing(path)
             clip = read_clip(path, options)
-            if stream:
-                out.append({"file": str(path)} | _streamed(loaded, clip))
-            else:
-                out.append({"file": str(path)} | asdict(loaded.recognize(clip)))
+            found = _streamed(loaded, clip) if stream else asdict(loaded.recognize(clip))
+            out.append({"file": str(path)} | found)
         except MotiondeckError as error:
-            if len(clips) == 1:
+            if len(files) == 1:
                 raise
             failed.append(str(error))
             print(f"skipped: {error}", file=sys.stderr)

@@ -13,9 +13,9 @@ from controller.wire.local_transport import PeerGoneError, SocketError
 from controller.wire.messages.arguments import AGO
 from controller.wire.messages.commands import DeckCommand, EmergencyStop, GetStatus, GiveBeat, Subscribe
 from controller.wire.messages.replies import Event, Reply, State
+from motiondeck.stage.command_pattern import Notify, Signal
 from motiondeck.stage.midi import MidiInput
 from motiondeck.stage.osc import OscInput, OscOutput
-from motiondeck.stage.signals import Notify, Signal
 
 STATE_EVERY = 0.1  # the period of status requests, s
 

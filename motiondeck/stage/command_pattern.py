@@ -1,7 +1,7 @@
-"""What a stage file writes for a command: a line of the prompt, in which $1 to $9 stand for what the signal carries."""
+"""Signals, and the commands that a stage file writes for them: lines of the prompt; $1 to $9 are what one carries."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from controller.wire.messages.arguments import CommandError
@@ -9,7 +9,18 @@ from controller.wire.messages.command_table import BY_WORD, parse_command
 from controller.wire.messages.commands import DeckCommand
 from motiondeck_base.files import shortened
 
+Notify = Callable[[str], None]  # prints a line for the user
+
 _PLACE = re.compile(r"\$([1-9])")
+
+
+@dataclass(frozen=True, slots=True)
+class Signal:
+    """A command that a signal stands for."""
+
+    due: float  # when it is to be given, s, by the bridge's clock; in the past where it was noticed late
+    source: str
+    command: DeckCommand
 
 
 @dataclass(frozen=True)

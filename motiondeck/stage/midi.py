@@ -4,9 +4,8 @@ from collections.abc import Iterable, Iterator
 from typing import Any
 
 from controller.wire.messages.commands import GiveBeat
-from motiondeck.stage.command_pattern import CommandPattern
+from motiondeck.stage.command_pattern import CommandPattern, Signal
 from motiondeck.stage.midi_port import MidiPort
-from motiondeck.stage.signals import Signal
 from motiondeck.stage.stage_file import MidiMap, control_values
 from motiondeck.stage.timecode import TimecodeReader
 

@@ -16,8 +16,7 @@ from typing import TYPE_CHECKING
 
 from controller.wire.messages.arguments import CommandError
 from controller.wire.messages.replies import Event, State
-from motiondeck.stage.command_pattern import CommandPattern
-from motiondeck.stage.signals import Notify, Signal
+from motiondeck.stage.command_pattern import CommandPattern, Notify, Signal
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.socket_owners import owners_of_datagrams
 

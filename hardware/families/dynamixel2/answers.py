@@ -59,8 +59,9 @@ def _alone(bus: EmulatedServos, device: EmulatedServo, id: int, frame: Frame, sh
             answer, level = device.read(0, 2) or b"", 0
             answer += bytes((device["firmware_version"],))
         case wire.READ:
-            level = 1
-            answer, error = _read(device, params)
+            level, error = 1, emulation.LENGTH
+            if len(params) == 4 and (data := device.read(_word(params, 0), _word(params, 2))) is not None:
+                answer, error = data, 0
         case wire.WRITE if len(params) > 2:
             error = _write(bus, device, _word(params, 0), params[2:], shadow)
         case wire.REG_WRITE if len(params) > 2:
@@ -95,13 +96,6 @@ def _status(device: EmulatedServo, id: int, error: int, params: bytes, level: in
     return [Answer(device.return_delay, build_status(id, error, params, device.alert), id)]
 
 
-def _read(device: EmulatedServo, params: bytes) -> tuple[bytes, int]:
-    if len(params) != 4:
-        return b"", emulation.LENGTH
-    data = device.read(_word(params, 0), _word(params, 2))
-    return (b"", emulation.LENGTH) if data is None else (data, 0)
-
-
 def _write(bus: EmulatedServos, device: EmulatedServo, address: int, data: bytes, shadow: bool = False) -> int:
     error = device.write(address, data, shadow)
     if address <= _LAST_ID_ADDRESS and not error:
@@ -122,10 +116,7 @@ def _read_of(bus: EmulatedServos, id: int, params: bytes) -> list[Answer]:
 
 
 def _fast_sync_read(bus: EmulatedServos, params: bytes) -> list[Answer]:
-    if len(params) <= 4:
-        return []
-    address, length = _word(params, 0), _word(params, 2)
-    return _in_one_frame(bus, [(id, address, length) for id in params[4:]])
+    return _in_one_frame(bus, [(id, _word(params, 0), _word(params, 2)) for id in params[4:]])
 
 
 def _fast_bulk_read(bus: EmulatedServos, params: bytes) -> list[Answer]:

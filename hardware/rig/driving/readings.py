@@ -155,8 +155,10 @@ class Readings:
 
     def take(self, reply: WholeReply | GroupReply, now: float) -> bool:
         """Takes the reply to the last request and counts what is missing; whether anything was measured."""
-        if self._register_reading is not None:
-            self._take_registers(self._register_reading, reply)
+        if (reading := self._register_reading) is not None:
+            id, self._register_reading = reading.block[0], None
+            status = (reply.statuses([id]) if isinstance(reply, WholeReply) else reply.statuses).get(id)
+            reading.take(None if status is None or status.error else status.params)
             return False
         request = self._request
         if request is None:
@@ -166,11 +168,6 @@ class Readings:
                 return True
             reply = GroupReply(reply.statuses([id for id, _, _ in request.blocks]), [], [], [])
         return self._take_each(reply, request, now)
-
-    def _take_registers(self, reading: RegisterReading, reply: WholeReply | GroupReply) -> None:
-        id, self._register_reading = reading.block[0], None
-        status = (reply.statuses([id]) if isinstance(reply, WholeReply) else reply.statuses).get(id)
-        reading.take(None if status is None or status.error else status.params)
 
     def _take_whole(self, reply: WholeReply, request: Request, layout: np.dtype[Any], now: float) -> bool:
         """All servos at once; False where one of them answered with an error number."""

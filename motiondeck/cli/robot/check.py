@@ -45,7 +45,9 @@ def check(robot: Path, files: Sequence[Path], solver: Solver | None, seconds: fl
     for file in files:
         try:
             clip, left_out = without_reference_pose(read_clip(file))
-            clip = _shortened(clip, seconds)
+            if seconds is not None:
+                frames = max(2, int(min(seconds * clip.rate, len(clip))))
+                clip = replace(clip, root_position=clip.root_position[:frames], rotation=clip.rotation[:frames])
         except MotiondeckError as error:
             yield {"clip": str(file), "unread": str(error)}
             continue
@@ -176,10 +178,3 @@ def _carried(
         angles = segment_angles(robot, directions, carried, clip.rate)
         found += findings_of(robot, directions, carried, angles)
     return robot, carried, counts, angles, found
-
-
-def _shortened(clip: Clip, seconds: float | None) -> Clip:
-    if seconds is None:
-        return clip
-    frames = max(2, int(min(seconds * clip.rate, len(clip))))
-    return replace(clip, root_position=clip.root_position[:frames], rotation=clip.rotation[:frames])

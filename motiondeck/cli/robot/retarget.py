@@ -97,12 +97,11 @@ def print_rows(rows: list[RetargetedFile], out: Path) -> None:
 
     segments = [name.replace("_", " ") for name in SEGMENTS]
     headings = ("recording", "frames", "fps", *segments, "fast", "sunk", "slide", "verdict")
-    lines = []
-    for row in rows:
-        if row.error is None:
-            cells = [str(row.frames), f"{row.fps:g}", *(_worse(row.limbs_deg, name) for name in SEGMENTS)]
-            cells += [str(row.too_fast), f"{1000.0 * row.sunk_m:.1f}", f"{1000.0 * row.slide_m_s:.0f}"]
-            lines.append((Path(row.recording).name, *cells, row.verdict.answer if row.verdict else ""))
+    lines, written = [], [row for row in rows if row.error is None]
+    for row in written:
+        cells = [str(row.frames), f"{row.fps:g}", *(_worse(row.limbs_deg, name) for name in SEGMENTS)]
+        cells += [str(row.too_fast), f"{1000.0 * row.sunk_m:.1f}", f"{1000.0 * row.slide_m_s:.0f}"]
+        lines.append((Path(row.recording).name, *cells, row.verdict.answer if row.verdict else ""))
     show_table(headings, lines)
     for row in rows:
         for note in row.notes:
@@ -113,7 +112,6 @@ def print_rows(rows: list[RetargetedFile], out: Path) -> None:
     for row in rows:
         if row.error is not None:
             print(f"failed: {row.error}")
-    written = [row for row in rows if row.error is None]
     seconds = sum(row.frames / row.fps for row in written)
     verdicts = summed(row.verdict for row in written if row.verdict)
     failed = len(rows) - len(written)
@@ -147,16 +145,14 @@ def report_stood(rows: list[StoodFile], robot: str, out: Path, as_json: bool) ->
 
         print(json.dumps({"robot": robot, "recordings": msgspec.to_builtins(rows)}))
         return
-    lines = []
-    for row in rows:
-        if row.error is None:
-            plain = "stands" if row.plain_s is None else f"falls at {row.plain_s:.2f} s"
-            found = f"stands, {row.seconds:.1f} s" if row.fell_s is None else f"falls at {row.fell_s:.2f} s"
-            lines.append((Path(row.recording).name, plain, found, f"{row.path_m:.2f}", f"{row.pose_deg:.0f}"))
+    lines, written = [], [row for row in rows if row.error is None]
+    for row in written:
+        plain = "stands" if row.plain_s is None else f"falls at {row.plain_s:.2f} s"
+        found = f"stands, {row.seconds:.1f} s" if row.fell_s is None else f"falls at {row.fell_s:.2f} s"
+        lines.append((Path(row.recording).name, plain, found, f"{row.path_m:.2f}", f"{row.pose_deg:.0f}"))
     show_table(("recording", "targets alone", "with offsets", "path m", "pose deg"), lines)
     for row in rows:
         if row.error is not None:
             print(f"failed: {row.error}")
-    written = [row for row in rows if row.error is None]
     stands, failed = sum(row.fell_s is None for row in written), len(rows) - len(written)
     print(f"{counted(len(written), 'motion')} in {out}: {stands} to the end on its feet; {failed} failed")
