@@ -4,7 +4,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 
 from controller.deck.locks.body_lock import BodyLock, Measured
-from controller.deck.locks.phase_lock import Lock, LoopPlace, PhaseLock
+from controller.deck.locks.phase_lock import LoopPlace, PhaseLock
 from controller.deck.locks.references import Beats, Leader, OtherDeck
 from controller.deck.tempo import TEMPO_RATE, Paced
 from controller.motion.rotations import Array
@@ -27,7 +27,7 @@ class Lockable(Paced, ABC):
 
     def __init__(self) -> None:
         super().__init__()
-        self._lock: Lock | None = None
+        self._lock: BodyLock | PhaseLock | None = None
         self._beats: Beats | None = None
 
     def attach(

@@ -56,8 +56,3 @@ class DurationHistogram:
         """The usual four, us; the maximum is exact."""
         p50, p99, p999 = (self.percentile(share) for share in (0.5, 0.99, 0.999))
         return Percentiles(p50, p99, p999, self.longest / 1000.0)
-
-    def clear(self) -> None:
-        """Sets all counts to zero."""
-        np.frombuffer(self._counts, dtype=np.uint64)[:] = 0
-        self.count = self.longest = 0

@@ -75,12 +75,12 @@ class Lead:
         # One stream for all outputs that lag alike; the first is the picture.
         corrected = [False, *(channel.corrected for channel in self._channels)]
         alike = [(lag.tobytes(), one) for lag, one in zip(self._lags, corrected, strict=True)]
-        distinct = list(dict.fromkeys(alike))
+        distinct = dict(zip(alike, self._lags, strict=True))
         self._streams = [
             (Delay(self._largest - lag, dt), deque(maxlen=self._ticks - round(lag.max(initial=0.0) / dt) + 1), own)
-            for lag, own in ((self._lags[alike.index(one)], one[1]) for one in distinct)
+            for (_, own), lag in distinct.items()
         ]
-        self._stream_of = [distinct.index(one) for one in alike[1:]]
+        self._stream_of = [[*distinct].index(one) for one in alike[1:]]
 
     def write(self, tick: int, targets: Array, pose: Pose, added: Array | None = None) -> tuple[Array, Pose]:
         """Writes the safe targets (J,), rad, and the deck's pose of a tick to the outputs; returns the picture's.

@@ -1,6 +1,6 @@
 """The phases of a run as a stream of safe targets: approach, play, home, emergency stop, and the final stop."""
 
-# ruff: noqa: D102 (`output_channel.Channel` documents what the properties of `Measuring` are)
+# ruff: noqa: D102 (`deck.deck.Deck` and `output_channel.Channel` document what protocols have)
 
 import math
 from collections.abc import Callable, Iterator, Sequence
@@ -25,9 +25,7 @@ _TRIES = 5  # of moving there: an output may come to rest later
 class Player(Protocol):
     """A deck, as the loop plays it."""
 
-    def update(self, dt: float) -> tuple[Array, Pose]:
-        """Advances by dt seconds; the joint targets (J,), rad, and the pose they come from."""
-        ...
+    def update(self, dt: float) -> tuple[Array, Pose]: ...
 
 
 class Measuring(Protocol):

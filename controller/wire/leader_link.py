@@ -42,7 +42,7 @@ class LeaderLink:
 
     def __call__(self, time: float) -> Sighting | None:
         """The observation since the last call, at `time` of the asking deck, s; None without a new one, or a phase."""
-        sighting = self._receive(time)
+        sighting = None if self._answered else self._receive(time)
         waited = time - self._asked
         if waited >= (ASKED_EVERY if self._answered else UNANSWERED_AFTER):
             self._asked, self._answered = time, False
@@ -52,8 +52,6 @@ class LeaderLink:
 
     def _receive(self, time: float) -> Sighting | None:
         sighting = None
-        if self._answered:
-            return None
         with contextlib.suppress(SocketError, CommandError):
             while (reply := self._client.receive(0.0)) is not None:
                 if not isinstance(reply, PhaseNow) or reply.id != self._request:

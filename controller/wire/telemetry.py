@@ -34,7 +34,7 @@ _MOST_BYTES = 1 << 26  # more than any state; a header that claims more is damag
 
 class _StateHeader(msgspec.Struct, forbid_unknown_fields=True):
     description: dict[str, Any]
-    fields: dict[str, int]
+    fields: dict[str, Annotated[int, msgspec.Meta(ge=0)]]
     writer: Annotated[int, msgspec.Meta(gt=0, lt=2**31)]  # its process id
     slots: Annotated[int, msgspec.Meta(gt=1, le=_MOST_SLOTS)] = _SLOTS
 
@@ -131,13 +131,8 @@ class StateReader:
                 if length >= _MOST_BYTES:
                     raise FileFormatError(f"{path}: this is not a state file of a motion deck")
                 header = msgspec.json.decode(file.read(length), type=_StateHeader)
-                sizes = header.fields.values()
                 layout = _Layout(length, header.fields, header.slots)
-                if (
-                    min(sizes, default=0) < 0
-                    or layout.size > _MOST_BYTES
-                    or os.fstat(file.fileno()).st_size != layout.size
-                ):
+                if layout.size > _MOST_BYTES or os.fstat(file.fileno()).st_size != layout.size:
                     raise FileFormatError(f"{path}: this state file is cut short or damaged")
                 memory = mmap.mmap(file.fileno(), layout.size, access=mmap.ACCESS_READ)
         except OSError as error:

@@ -117,8 +117,8 @@ _WAITS = 0.5  # a tempo that is off by more than this share of the commanded one
 class BodyLock:
     """Steers the tempo by how far the measured joints are behind."""
 
-    rate = 5.0
-    owns_tempo = False
+    rate = 5.0  # of change of the tempo, 1/s
+    owns_tempo = False  # the commanded tempo is where it starts from
 
     def __init__(self, measured: Measured) -> None:
         self._measured = measured

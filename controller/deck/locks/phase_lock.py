@@ -31,22 +31,6 @@ class Steering:
     jump: float | None = None
 
 
-class Lock(Protocol):
-    """Steers the tempo of a deck."""
-
-    rate: float  # the rate of change of the tempo, 1/s
-    owns_tempo: bool  # whether it replaces the commanded tempo
-
-    def steer(self, playhead: LoopPlace) -> Steering:
-        """The steering of this tick; called once a tick."""
-        ...
-
-    @property
-    def state(self) -> LockState:
-        """Whether it is locked, and its error."""
-        ...
-
-
 MOST, STIFFNESS = 1.0, 5.0  # corrections of the tempo: at most this much, and 1/s for small errors
 
 # The share of the rate of the tempo that braking uses; the rest is left for what the reference itself does.
@@ -107,7 +91,7 @@ class ReferenceSource(Protocol):
 class PhaseLock:
     """Keeps a loop in step with a reference; one-shots are played at the commanded tempo."""
 
-    owns_tempo = True
+    owns_tempo = True  # it replaces the commanded tempo
 
     def __init__(self, source: ReferenceSource, rate: float) -> None:
         self.source, self.rate = source, rate

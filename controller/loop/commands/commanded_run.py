@@ -10,15 +10,8 @@ from typing import NamedTuple, assert_never
 import msgspec
 
 from controller.deck.switch import CommandedSwitch
-from controller.loop.commands.interfaces import (
-    Client,
-    Commandable,
-    Look,
-    Playback,
-    Pushable,
-    RealTime,
-    RigServos,
-)
+from controller.loop.clock import Ticker
+from controller.loop.commands.interfaces import Client, Commandable, Look, Playback, Pushable, RigServos
 from controller.loop.stop_requests import StopRequest
 from controller.loop.stop_state import EmergencyStopError
 from controller.wire.messages import commands
@@ -61,7 +54,7 @@ class CommandedRun:
     servos: RigServos | None = None
     body: Pushable | None = None  # what is simulated, if it can be pushed
     restarts: bool = False  # whether the run can be started again with another library
-    ticks: RealTime | None = None
+    ticks: Ticker | None = None  # the clock of a loop in real time
     snapshots: SnapshotSource | None = None  # of the run, for status replies; by default of the deck and the body
 
     def __post_init__(self) -> None:
@@ -217,7 +210,7 @@ _MOST_TIMED = 64  # commands whose time is still to come
 class TimedCommands:
     """The commands whose time is still to come, by the loop's clock; without one (not in real time) none is taken."""
 
-    def __init__(self, ticks: RealTime | None) -> None:
+    def __init__(self, ticks: Ticker | None) -> None:
         self._ticks = ticks
         self.waiting: list[tuple[Client, AtTime]] = []
 

@@ -1,6 +1,6 @@
-"""The sender of a command, and protocols of what commands act on: a deck, servos, a body to be pushed, a clock."""
+"""The sender of a command, and protocols of what commands act on: a deck, servos, a body to be pushed."""
 
-# ruff: noqa: D102 (`controller.deck.deck.Deck`, `clock.Ticker` and `RigOutput` of a run document what these do)
+# ruff: noqa: D102 (`controller.deck.deck.Deck` and `RigOutput` of a run document what these do)
 
 from collections import deque
 from collections.abc import Callable, Sequence
@@ -49,9 +49,7 @@ class Commandable(Playback, Protocol):
 class Look(Protocol):
     """A request to servos that is under way."""
 
-    def answer(self) -> SecondReply | None:
-        """The reply, or None before it has come."""
-        ...
+    def answer(self) -> SecondReply | None: ...  # the reply, or None before it has come
 
 
 class RigServos(Protocol):
@@ -75,15 +73,6 @@ class Pushable(Protocol):
     def push_from(self, side: Side, impulse: float, towards: float | None) -> float:
         """Pushes it from a side, or towards a direction, with an impulse, N s, 0 for its own choice; that impulse."""
         ...
-
-
-class RealTime(Protocol):
-    """The clock of a loop in real time; no call waits."""
-
-    @property
-    def period(self) -> float: ...
-    def due(self) -> float: ...
-    def align(self, here: int, there: int) -> None: ...
 
 
 class Client(NamedTuple):
