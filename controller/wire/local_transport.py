@@ -138,6 +138,7 @@ class LocalListener:
 
     remote = False
     replayed = unsigned = 0
+    send = staticmethod(send_datagram)
 
     def __init__(self, port: int) -> None:
         """Takes a number, 0 for any free one; raises a SocketError if another deck has it, or it is out of range."""
@@ -187,10 +188,6 @@ class LocalListener:
     def connected(self, sender: socket.socket) -> bool:
         """Whether a sender is connected."""
         return sender.fileno() >= 0
-
-    def send(self, receiver: socket.socket, data: bytes) -> None:
-        """Sends a datagram; it is dropped if the receiver's buffer is full."""
-        send_datagram(receiver, data)
 
     def close(self) -> None:
         """Ends all connections and removes the socket; may be called twice."""
