@@ -106,9 +106,11 @@ class DeckState(Protocol):
     """The state of a deck; see `DeckSnapshot`, and `controller.deck.deck.Deck` for what is not there."""
 
     time: float
+    motions: tuple[str, ...]
+    tempo: float
+    commanded_tempo: float
+    paused: bool
 
-    @property
-    def motions(self) -> Sequence[str]: ...
     @property
     def motion(self) -> str: ...
     @property
@@ -122,10 +124,6 @@ class DeckState(Protocol):
     @property
     def fell_back(self) -> str: ...
     @property
-    def tempo(self) -> float: ...
-    @property
-    def commanded_tempo(self) -> float: ...
-    @property
     def phase(self) -> float | None: ...
     @property
     def inputs(self) -> dict[str, float]: ...
@@ -136,18 +134,16 @@ class DeckState(Protocol):
     @property
     def settled(self) -> bool: ...
     @property
-    def paused(self) -> bool: ...
-    @property
     def restarts(self) -> int: ...
 
 
 class RunMode(Protocol):
     """The mode of a run; see `DeckSnapshot`."""
 
+    approaching: bool
+
     @property
     def mode(self) -> Mode: ...
-    @property
-    def approaching(self) -> bool: ...
 
 
 class LoopFigures(Protocol):
