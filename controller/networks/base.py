@@ -77,11 +77,12 @@ class AutonomousNetwork(FrameNetwork, Protocol):
         ...
 
     def cue(self, motion: str, anchor: Any, rows: Rows = ...) -> None:
-        """Puts the network, or some of its runs, into a stored state."""
+        """Puts the network, or some of its runs, into the stored state of an anchor, or of one for each run."""
 
     def morph(self, source: str, target: str) -> Morph:
-        """A morph that starts where the network is in the source.
+        """A morph that starts where the network is in the source (Deliallisi 2017, eqs 3.7, 3.16 and 3.17).
 
+        mu = 0 is the source, mu = 1 the target; between them lies interpolation, beyond them extrapolation.
         MotiondeckError if the network does not play the source. UnknownNameError if there is no such motion.
         """
         ...

@@ -7,7 +7,7 @@ A movement primitive has common satellites for all demonstrations of a motion, a
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import combinations, product
 from typing import Literal
 
 import numpy as np
@@ -16,10 +16,9 @@ from controller.learning.centralized.low_rank_learning import learn_low_rank
 from controller.learning.centralized.model_choice import aicc
 from controller.learning.centralized.satellite_learning import learn, ridge_readout, slow_and_fast
 from controller.motion.rotations import Array
-from controller.networks.centralized.centralized import CentralizedMotion
+from controller.networks.centralized.centralized import CentralizedMotion, channel_scale
 from controller.networks.centralized.low_rank import LowRankWeights
 from controller.networks.centralized.movement_primitive import MovementPrimitive
-from controller.networks.entry_points import channel_scale
 from controller.networks.signals import sampling_rate, time_series
 from motiondeck_base.errors import MotiondeckError
 
@@ -131,23 +130,20 @@ def score_models(
     seen = channels[::stride]
     time = np.arange(len(seen)) * stride / rate
     scale = channel_scale(channels.std(0))
-    sizes = list(satellites)
     scored = []
-    for n in centers:
-        for m in sizes:
-            if m > len(channels) // 3 or m >= len(seen):
-                continue
-            try:
-                motion = train_centralized(
-                    channels, rate, loop=loop, centers=n, satellites=m, iterations=COMPARED_ITERATIONS, seed=seed
-                )
-            except MotiondeckError:
-                continue  # its weights grow too large: too many satellites
-            missed = float(np.square((motion.at(time) - seen) / scale).sum())
-            parameters = (m + 1) * channels.shape[1] + m * (2 * n + 1) + 2 * n
-            criterion = aicc(missed, seen.size, parameters)
-            if not np.isfinite(criterion):
-                continue
+    for n, m in product(centers, satellites):
+        if m > len(channels) // 3 or m >= len(seen):
+            continue
+        try:
+            motion = train_centralized(
+                channels, rate, loop=loop, centers=n, satellites=m, iterations=COMPARED_ITERATIONS, seed=seed
+            )
+        except MotiondeckError:
+            continue  # its weights grow too large: too many satellites
+        missed = float(np.square((motion.at(time) - seen) / scale).sum())
+        parameters = (m + 1) * channels.shape[1] + m * (2 * n + 1) + 2 * n
+        criterion = aicc(missed, seen.size, parameters)
+        if np.isfinite(criterion):
             scored.append(Scored(n, m, criterion, float(np.sqrt(missed / seen.size)), motion))
     if not scored:
         raise MotiondeckError(f"{len(channels)} frames are too few to choose a network by")

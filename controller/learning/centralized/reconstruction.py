@@ -34,9 +34,8 @@ TRIES = 20
 ITERATIONS = 60
 SCORES = 24
 
-NEAR = (
-    0.4  # sigma of `by_components`, in root mean square distances of the markers from their centre; the paper's 200 mm
-)
+# Sigma of `by_components`, in root mean square distances of the markers from their centre; the paper's 200 mm.
+NEAR = 0.4
 OWN_WEIGHT = 0.02  # of the missing marker there
 KEPT = (0.99, 0.999)  # shares of the sum of singular values that are tried
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from controller.learning.fit import first_to_pass, settle
-from controller.learning.measures.disturbance import GuardKnowledge, Kind, disturbed
+from controller.learning.measures.disturbance import Kind, disturbed
 from controller.learning.measures.self_test import Judge, after_disturbance
 from controller.learning.recipe import LibraryRecipe
 from controller.learning.training_set import TrainingSet
@@ -106,18 +106,18 @@ def _train(recipe: LibraryRecipe, syllabus: TrainingSet, seed: int) -> Subject:
 
 def _count(kind: Kind, subject: Subject, motion: str, runs: int, judge: Judge, length: int, guarded: bool) -> Count:
     network, loop = subject.network, judge.loops[motion]
-    ways: list[GuardKnowledge | None] = [None]
+    watches: list[guard.LossWatch | None] = [None]
     if guarded and network.as_autonomous is not None:
         scale = guard.spread(network)
         beat = guard.beat(network, motion, scale, length, judge.rate, loop=loop)
-        ways.append(GuardKnowledge(beat, scale, network.anchors(motion)[0]))
+        watches.append(guard.LossWatch(beat, scale, np.repeat(network.anchors(motion)[:1], runs, axis=0)))
     failed: list[int] = []
     reason = ""
     with threadpool_limits(1):
-        for knowledge in ways:
+        for watch in watches:
             # The same noise for both; only the guard differs.
             rng = np.random.default_rng([subject.seed, network.motions.index(motion), kind == "stability"])
-            played = disturbed(kind, network, motion, runs, rng, knowledge, subject.weights)
+            played = disturbed(kind, network, motion, runs, rng, watch, subject.weights)
             verdicts = [after_disturbance(network, judge, motion, run.astype(np.float64)) for run in played]
             failed.append(sum(not verdict.passed for verdict in verdicts))
             reason = reason or next((verdict.reason for verdict in verdicts if not verdict.passed), "")

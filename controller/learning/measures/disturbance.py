@@ -9,16 +9,15 @@ A trainer's choice (`failures`) needs more runs than a verdict (`stress_test`): 
 passes five runs more often than not.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from controller.learning.measures.self_test import Judge, MotionVerdict, after_disturbance, self_test
-from controller.motion.rotations import Array
 from controller.networks.base import AnyNetwork, AutonomousNetwork
-from controller.networks.guard import Beat, LossWatch
+from controller.networks.guard import LossWatch
 
 Kind = Literal["robustness", "stability"]
 
@@ -32,22 +31,13 @@ FORGIVEN = 1  # failures that a passing motion may have
 _WORDS: dict[Kind, str] = {"robustness": "started from noise", "stability": "disturbed"}
 
 
-@dataclass(frozen=True)
-class GuardKnowledge:
-    """The settings of a guard for a batch of runs."""
-
-    beat: Beat
-    scale: Array  # the spread of each channel, shape (C,)
-    start: Array  # the first anchor's frame, shape (C,)
-
-
 def disturbed(
     kind: Kind,
     network: AnyNetwork,
     motion: str,
     runs: int,
     rng: np.random.Generator,
-    watched: GuardKnowledge | None = None,
+    watch: LossWatch | None = None,
     weights: NDArray[np.float32] | None = None,
 ) -> NDArray[np.float32]:
     """The frames, shape (R, STEPS, C), of R disturbed runs of a motion, each from its first anchor on.
@@ -55,7 +45,7 @@ def disturbed(
     The network's own state is left alone.
 
     Args:
-        watched: for guarded runs, of a network that runs by itself.
+        watch: for guarded runs of a network that runs by itself: a new one, of the first anchor's frame in each run.
         weights: W of a conceptor network, shape (N, N), of which it keeps only k directions; without it only the part
             of a displacement counts that lies in them.
     """
@@ -63,9 +53,7 @@ def disturbed(
     player.cue(motion, 0)
     if kind == "robustness":
         player.displace(rng.uniform(-START_NOISE, START_NOISE, (runs, size)).astype(np.float32), weights)
-    lost, watch = player.as_autonomous, None
-    if watched is not None:
-        watch = LossWatch(watched.beat, watched.scale, np.repeat(watched.start[None], runs, axis=0))
+    lost = player.as_autonomous
     frames = np.empty((runs, player.channels))
     out = np.empty((runs, STEPS, player.channels), dtype=np.float32)
     noisy = NOISY_STEPS if kind == "stability" else 0

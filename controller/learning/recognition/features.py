@@ -21,10 +21,8 @@ JOINTS = tuple(side + bone for bone in ("femur", "tibia", "foot", "humerus", "ra
 JOINTS = (*JOINTS, "thorax", "head")
 # The same joints of the canonical body, which every recording of a human has.
 _ENDS = {"femur": "kne", "tibia": "ank", "foot": "foo", "humerus": "elb", "radius": "wri", "wrist": "han"}
-CANONICAL = {side + bone: side + end for bone, end in _ENDS.items() for side in "lr"} | {
-    "thorax": "neck",
-    "head": "head",
-}
+CANONICAL = {side + bone: side + end for bone, end in _ENDS.items() for side in "lr"}
+CANONICAL |= {"thorax": "neck", "head": "head"}
 ENDS = ("lfoot", "rfoot", "lwrist", "rwrist", "head")
 
 # Units of the features, in which swing and speed of an arm have equal weight.

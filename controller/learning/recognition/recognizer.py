@@ -170,11 +170,9 @@ def save_recognizer(recognizer: Recognizer, path: Path, licence: str = "") -> No
         "weights": bank.reservoir.weights,
         "input_weights": bank.reservoir.input_weights,
         "bias": bank.reservoir.bias,
-        "xx": np.array([of.xx for of in bank.moments]),
-        "xy": np.array([of.xy for of in bank.moments]),
-        "yy": np.array([of.yy for of in bank.moments]),
-        "count": np.array([of.count for of in bank.moments]),
     }
+    for name in ("xx", "xy", "yy", "count"):
+        arrays[name] = np.array([getattr(of, name) for of in bank.moments])
     write_arrays(path, KIND, info, arrays)
 
 
@@ -237,7 +235,6 @@ class BodyRecognizer:
         self._root, self._rotation = np.zeros((2, 3)), np.zeros((2, 1 + len(skeleton), 4))
         self._rotation[..., 0] = 1.0
         self._still()  # names a joint that is missing, before anything moves
-        self._begun = False
         self._verdict: str | None = None
         self._steady = 0.0
         self.seen: str | None = None
@@ -253,8 +250,7 @@ class BodyRecognizer:
             return self.seen
         self._root[0], self._rotation[0] = self._root[1], self._rotation[1]
         self._root[1], self._rotation[1] = root_position, rotation
-        if not self._begun:
-            self._begun = True
+        if self._frame is None:
             self._take(self._still()[1])
             return self.seen
         still: Array | None = None

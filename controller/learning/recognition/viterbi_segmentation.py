@@ -5,8 +5,6 @@ import numpy as np
 from controller.learning.recognition.experts import SMALLEST_ERROR, ExpertBank, frame_errors
 from controller.motion.rotations import Array, Indices
 
-Frames = Indices
-
 # Cost of a change of class, in seconds of an expert with e times the error.
 CHANGE_COST = 0.67
 
@@ -19,7 +17,7 @@ def frame_costs(bank: ExpertBank, signal: Array) -> Array:
     return costs - bank.centre
 
 
-def viterbi(costs: Array, change: float) -> Frames:
+def viterbi(costs: Array, change: float) -> Indices:
     """The sequence of classes, shape (T,), that minimises the sum of its costs (T, M) plus `change` for each change."""
     frames, classes = costs.shape
     came_from = np.zeros((frames, classes), dtype=np.int64)
@@ -36,6 +34,6 @@ def viterbi(costs: Array, change: float) -> Frames:
     return path
 
 
-def borders_of(path: Frames) -> Frames:
+def borders_of(path: Indices) -> Indices:
     """The first frame of each new class in a sequence of classes."""
     return np.flatnonzero(np.diff(path)) + 1

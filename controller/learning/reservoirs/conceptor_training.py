@@ -8,7 +8,7 @@ Two ways to internalise the input, so that the network runs without it:
 """
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import msgspec
@@ -173,13 +173,12 @@ def off_mm(exact: Array, cut_off: Array) -> float:
 
 def cut(part: ConceptorMotion, rank: int) -> ConceptorMotion:
     """A motion in its first `rank` directions."""
-    return ConceptorMotion(
+    return replace(
+        part,
         recurrent=np.ascontiguousarray(part.recurrent[:, :rank]),
-        bias=part.bias,
         project=part.project[:rank].copy(),
         offset=part.offset[:rank].copy(),
         readout=np.ascontiguousarray(part.readout[:, :rank]),
-        rest=part.rest,
         states=np.ascontiguousarray(part.states[:, :rank]),
     )
 

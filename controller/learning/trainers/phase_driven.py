@@ -34,8 +34,7 @@ SEAM_FRAMES, SEAM_WEIGHT = 3, 100.0
 HELD_STEPS, HELD_EVERY = 600, 10
 
 FEWEST_PIECE_FRAMES = 8  # a shorter piece does not determine its directions
-
-Motion = TypeVar("Motion", bound=PhaseMotion)
+Recipe = TypeVar("Recipe", bound="PhaseDrivenRecipe")
 
 
 class PhaseDrivenRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
@@ -76,16 +75,12 @@ def course_of(motion: TrainingMotion, piece_frames: float) -> PhaseCourse:
     if motion.driving is not None:
         return PhaseCourse.of(frames, 1, loop=True)
     if not motion.loop:
-        held = _frames_held(motion.frames)
+        moving = np.flatnonzero((np.diff(motion.frames, axis=0) != 0.0).any(1))
+        held = frames - 2 - int(moving.max(initial=0))
         return PhaseCourse.of(frames, max(1, round((frames - held) / piece_frames)), loop=False, held=held)
     # A loop of half turns closes after an even number of them.
     pieces = 2 * round(0.5 * frames / piece_frames)
     return PhaseCourse.of(frames, max(1, pieces), loop=True)
-
-
-def _frames_held(frames: Array) -> int:
-    moving = np.flatnonzero((np.diff(frames, axis=0) != 0.0).any(1))
-    return len(frames) - 1 - (int(moving[-1]) + 1) if len(moving) else len(frames) - 2
 
 
 def settled_lesson(unread: PhaseMotion, motion: TrainingMotion) -> tuple[Float32, Array, Indices]:
@@ -107,13 +102,6 @@ def settled_lesson(unread: PhaseMotion, motion: TrainingMotion) -> tuple[Float32
     return states, frames, piece
 
 
-def with_readouts(unread: Motion, motion: TrainingMotion, normalisation: Normalisation, regulariser: float) -> Motion:
-    """The motion `unread` with readouts from its settled states."""
-    states, frames, piece = settled_lesson(unread, motion)
-    readout = learn_readouts(states, piece, normalisation.invert(frames), regulariser)
-    return type(unread)(replace(unread.stored, readout=readout), unread.course, unread.reservoir, motion.driving)
-
-
 def learn_readouts(states: Float32, piece: Indices, frames: Array, regulariser: float) -> Float32:
     """A readout (R, r) of each piece, (P, C, k + 1), of settled states (T, k), frames (T, C) and their `piece` (T,)."""
     pieces = [np.flatnonzero(piece == one) for one in range(int(piece.max()) + 1)]
@@ -131,9 +119,6 @@ def affine_ridge(states: Array, targets: Array, regulariser: float, weight: Arra
     root = 1.0 if weight is None else np.sqrt(weight)[:, None]
     weights = ridge(root * (states - centre), root * (targets - middle), regulariser)
     return np.column_stack([weights, middle - weights @ centre]).astype(np.float32)
-
-
-Recipe = TypeVar("Recipe", bound=PhaseDrivenRecipe)
 
 
 class PhaseDrivenTrainer(Trainer[Recipe]):
@@ -178,7 +163,10 @@ class MotionByMotionTrainer(PhaseDrivenTrainer[Recipe]):
         self, recipe: Recipe, one: TrainingMotion, reservoir: PhaseReservoir, normalisation: Normalisation, rate: float
     ) -> PhaseMotion:
         """One motion in a reservoir; `rate` in Hz."""
-        return with_readouts(self.unread(recipe, one, reservoir, rate), one, normalisation, recipe.ridge)
+        unread = self.unread(recipe, one, reservoir, rate)
+        states, frames, piece = settled_lesson(unread, one)
+        readout = learn_readouts(states, piece, normalisation.invert(frames), recipe.ridge)
+        return type(unread)(replace(unread.stored, readout=readout), unread.course, reservoir, one.driving)
 
     def train(self, recipe: Recipe, lessons: Lessons, seed: int) -> PhaseDrivenNetwork[Any]:
         to_learn, normalisation = lessons.motions, lessons.normalisation

@@ -7,7 +7,6 @@ with the neurons and not with the motions.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -37,18 +36,12 @@ class SharedConceptorRecipe(PhaseRecipe, frozen=True, kw_only=True, tag="shared-
     readout: Literal["shared", "own"] = "own"
 
 
-@dataclass
 class RidgeSums:
     """The sums of a ridge regression with a constant over states (T, N) and targets (T, C) that come in parts."""
 
-    neurons: int
-    channels: int
-    squares: Array = field(init=False)  # of states with a 1 behind them, shape (N + 1, N + 1)
-    products: Array = field(init=False)  # with the targets, shape (N + 1, C)
-
-    def __post_init__(self) -> None:
-        self.squares = np.zeros((self.neurons + 1, self.neurons + 1))
-        self.products = np.zeros((self.neurons + 1, self.channels))
+    def __init__(self, neurons: int, channels: int) -> None:
+        self.squares = np.zeros((neurons + 1, neurons + 1))  # of states with a 1 behind them
+        self.products = np.zeros((neurons + 1, channels))  # with the targets
 
     def add(self, states: Array, targets: Array) -> None:
         """Counts further states and their targets."""
@@ -60,7 +53,7 @@ class RidgeSums:
         """(W, w) with targets ~ W states + w, w not regularised, shape (C, N + 1)."""
         from scipy.linalg import solve  # what plays needs none of it
 
-        penalty = np.full(self.neurons + 1, regulariser)
+        penalty = np.full(len(self.squares), regulariser)
         penalty[-1] = 0.0
         weights = solve(self.squares + np.diag(penalty), self.products, assume_a="pos")
         return np.ascontiguousarray(weights.T, dtype=np.float32)

@@ -6,12 +6,13 @@ from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from controller.motion.canonical.canonical_body import CANONICAL_BONES, to_canonical
 from controller.motion.clip import Clip
 from controller.motion.rotations import (
     Array,
+    Flags,
+    Indices,
     conjugate,
     continuous,
     from_rotation_vector,
@@ -44,10 +45,10 @@ def resampled(clip: Clip, rate: float) -> Clip:
     at = np.minimum(np.arange(count) * (clip.rate / rate), len(clip) - 1)
     low = np.minimum(at.astype(np.int64), max(len(clip) - 2, 0))
     ends = (low == 0, low == len(clip) - 2) if len(clip) > 2 else (low < 0, low < 0)
-    return replace(interpolated(clip, low, lambda points: _cubic(_beyond(points, *ends), at - low)), rate=rate)
+    return replace(interpolated(clip, low, lambda points: _catmull_rom(points, *ends, at - low)), rate=rate)
 
 
-def interpolated(clip: Clip, low: NDArray[np.int64], between: Callable[[list[Array]], Array]) -> Clip:
+def interpolated(clip: Clip, low: Indices, between: Callable[[list[Array]], Array]) -> Clip:
     """A clip with a frame behind each frame `low`, shape (T,): `between` gets what four frames around it have.
 
     These are positions of the root, shape (T, 3), and rotation vectors from the frame `low`, shape (T, B, 3).
@@ -66,19 +67,13 @@ def cubic(start: Array, slope: Array, end: Array, slope_end: Array, s: Array) ->
     return before * ((1.0 + 2.0 * s) * start + s * slope) + after * ((3.0 - 2.0 * s) * end + (s - 1.0) * slope_end)
 
 
-def _beyond(points: list[Array], at_first: NDArray[np.bool_], at_last: NDArray[np.bool_]) -> list[Array]:
-    """Four points around each time, with those beyond an end of the recording extrapolated."""
+def _catmull_rom(points: list[Array], at_first: Flags, at_last: Flags, s: Array) -> Array:
+    """Between the second and the third of four points at shares of 0 to 1; beyond an end they are extrapolated."""
     before, start, end, after = points
-    first, last = (mask.reshape(-1, *[1] * (start.ndim - 1)) for mask in (at_first, at_last))
-    ahead = np.where(first, 3.0 * (start - end) + after, before)
-    return [ahead, start, end, np.where(last, 3.0 * (end - start) + before, after)]
-
-
-def _cubic(points: list[Array], s: Array) -> Array:
-    """Interpolates between the second and the third of four points, at shares from 0 to 1."""
-    before, start, end, after = points
-    share = s.reshape(-1, *[1] * (start.ndim - 1))
-    return cubic(start, 0.5 * (end - before), end, 0.5 * (after - start), share)
+    shape = (-1, *[1] * (start.ndim - 1))
+    ahead = np.where(at_first.reshape(shape), 3.0 * (start - end) + after, before)
+    beyond = np.where(at_last.reshape(shape), 3.0 * (end - start) + before, after)
+    return cubic(start, 0.5 * (end - ahead), end, 0.5 * (beyond - start), s.reshape(shape))
 
 
 def moving_part(clip: Clip) -> tuple[int, int]:

@@ -171,16 +171,12 @@ def _posed(
     asset: Asset, parents: list[int], joints: list[int], human: dict[int, str], tracks: list[_Track], times: Array
 ) -> JointTree:
     index = {node: place for place, node in enumerate(joints)}
-    several = sum(parents[node] == -1 for node in joints) > 1
     frames = len(times)
     position = np.zeros((frames, len(joints), 3))
     rotation = np.zeros((frames, len(joints), 4))
     shape: list[Array] = []  # of each joint, its scale times its ancestors', shape (T, 1)
-    by_node: dict[int, dict[str, _Track]] = {}
-    for track in tracks:
-        by_node.setdefault(track.node, {})[track.kind] = track
     for place, node in enumerate(joints):
-        moved = by_node.get(node, {})
+        moved = {track.kind: track for track in tracks if track.node == node}
         where, turn, scale = asset.nodes[node].pose()
         where = moved["translation"].at(times) if "translation" in moved else np.broadcast_to(where, (frames, 3))
         turn = moved["rotation"].at(times) if "rotation" in moved else np.broadcast_to(turn, (frames, 4))
@@ -198,7 +194,7 @@ def _posed(
             shape.append(shape[above] * np.cbrt(np.abs(scale.prod(axis=1, keepdims=True))))
     names = distinct(human.get(node) or asset.nodes[node].name or f"node {node}" for node in joints)
     above = [index.get(parents[node], -1) for node in joints]
-    if several:
+    if above.count(-1) > 1:
         names, above = ["scene", *names], [-1, *(1 + joint for joint in above)]
         position = np.concatenate([np.zeros((frames, 1, 3)), position], axis=1)
         rotation = np.concatenate([np.tile([1.0, 0.0, 0.0, 0.0], (frames, 1, 1)), rotation], axis=1)

@@ -28,9 +28,7 @@ from motiondeck_base.files import Line, as_float, write_file
 
 _LARGEST = 1e6
 _NO_COLUMN = ("plays", "fps")
-ROOT_COLUMNS = [
-    f"root_{name}" for name in ("x", "y", "z", "qw", "qx", "qy", "qz")
-]  # of a table of `JointMotion`, in front
+ROOT_COLUMNS = [f"root_{name}" for name in ("x", "y", "z", "qw", "qx", "qy", "qz")]  # of `JointMotion`, in front
 
 
 def read_joint_table(path: str | Path, options: ReadingOptions = AS_FOUND) -> Clip:

@@ -30,13 +30,8 @@ _MARKERS = ("Marker", "Bone Marker", "Skeleton Marker")  # the first kind of whi
 _HEAD_LINES = 20  # at most before the columns' names
 # The part that each part hangs on, nearest first; parents before their children.
 _HANGS_ON = {
-    **{
-        "pelvis": ("pelvis",),
-        "hip": ("pelvis",),
-        "trunk": ("trunk", "pelvis"),
-        "neck": ("neck", "trunk"),
-        "head": ("neck", "trunk"),
-    },
+    **{"pelvis": ("pelvis",), "hip": ("pelvis",), "trunk": ("trunk", "pelvis")},
+    **{"neck": ("neck", "trunk"), "head": ("neck", "trunk")},
     **{"thigh": ("hip", "pelvis"), "shank": ("thigh",), "foot": ("shank",), "toes": ("foot",), "clavicle": ("trunk",)},
     **{"upper arm": ("clavicle", "trunk"), "forearm": ("upper arm",), "hand": ("forearm",)},
 }

@@ -58,9 +58,7 @@ class NpzArrays:
     def first(self, *names: str) -> Array | None:
         """The first of these arrays that exists, as float64, or None; FileFormatError if it is none or too large."""
         name = next((name for name in names if name in self._sizes), None)
-        if name is None:
-            return None
-        return self._read(name, np.float64)
+        return None if name is None else self._read(name, np.float64)
 
     def words(self, *names: str) -> tuple[str, ...] | None:
         """The first of these arrays that exists, as text, or None."""

@@ -73,39 +73,41 @@ def contacts_of(joints: Array, rate: float) -> Contacts:
 
 def grounded(clip: Clip, wanted: float | str) -> tuple[Clip, Decision]:
     """A clip of a body with legs on a floor at height 0; `wanted` is "auto", "none", or its height in the file, m."""
+
+    def decision(decided: str, evidence: str, *, notable: bool = True) -> Decision:
+        return Decision("ground", decided, evidence, OVERRULE, notable)
+
     if wanted == "none":
-        return clip, Decision("ground", "as in the file", "as given", OVERRULE)
+        return clip, decision("as in the file", "as given", notable=False)
     if isinstance(wanted, float | int):
-        return _raised(clip, -float(wanted)), Decision("ground", f"at {wanted:g} m", "as given", OVERRULE, notable=True)
+        return _raised(clip, -float(wanted)), decision(f"at {wanted:g} m", "as given")
     try:
         own = to_canonical(clip)
     except FileFormatError:
-        return clip, Decision("ground", "as in the file", "it has no legs", OVERRULE)
+        return clip, decision("as in the file", "it has no legs", notable=False)
     joints, leg = own.joints(), own.skeleton.leg_length
     hips = 0.5 * (joints[:, _index("lhip"), 2] + joints[:, _index("rhip"), 2])
     lowest = _lowest(joints, leg)
     if RESTS in clip.decisions:
         decided, evidence = "the feet of the legs that rest stand on it at all times", "they were not recorded"
-        return _raised(clip, -_smoothed(lowest, clip.rate)), Decision("ground", decided, evidence, OVERRULE, True)
+        return _raised(clip, -_smoothed(lowest, clip.rate)), decision(decided, evidence)
     rises = min(float(np.ptp(hips)), float(np.ptp(clip.root_position[:, 2])))
     deep = np.median(lowest) < -BELOW * leg and abs(float(hips.mean())) < BELOW * leg
     if (deep and rises < NO_HEIGHT * leg) or (rises < FIXED and np.ptp(lowest) > RISES):
         evidence = f"the hips stay at {hips.mean():.2f} m, the lowest foot at {np.median(lowest):.2f} m"
         decided = "the lowest foot stands on it at all times, so what leaves the floor is lost"
-        return _raised(clip, -_smoothed(lowest, clip.rate)), Decision(
-            "ground", decided, evidence, OVERRULE, notable=True
-        )
+        return _raised(clip, -_smoothed(lowest, clip.rate)), decision(decided, evidence)
     feet = contacts_of(joints, clip.rate)
     if len(feet.at) < FEWEST or feet.lasts.sum() < SHARE * clip.duration:
         evidence = "no foot stands" if not len(feet.at) else f"feet stand for {feet.lasts.sum():.2f} s only"
-        return clip, Decision("ground", "as in the file, not checked", evidence, OVERRULE, notable=True)
+        return clip, decision("as in the file, not checked", evidence)
     levelled = _levelled(clip, feet)
     if levelled is not None:
         taken, decided, evidence = levelled
         again = to_canonical(taken).joints()
         if _unsteady(_lowest(again, leg), clip.rate) < STEADIER * _unsteady(lowest, clip.rate):
             height = _height(contacts_of(again, clip.rate)) - SOLE * leg
-            return _raised(taken, -height), Decision("ground", decided, evidence, OVERRULE, notable=True)
+            return _raised(taken, -height), decision(decided, evidence)
     height = _height(feet)
     evidence = f"feet stand for {feet.lasts.sum():.1f} s, the lowest of them at {height:.3f} m"
     if AT_ZERO[0] < height < AT_ZERO[1]:
@@ -114,11 +116,9 @@ def grounded(clip: Clip, wanted: float | str) -> tuple[Clip, Decision]:
         if not doubt and (len(feet.at) < CONTACTS or np.ptp(feet.place[:, :2], axis=0).max() < WIDE):
             # The same words for all, which a report says once.
             decided, doubt = "at 0, not checked for a slope", "feet stand too seldom, or in one place, to show one"
-        return clip, Decision("ground", decided, doubt or evidence, OVERRULE, notable=bool(doubt))
+        return clip, decision(decided, doubt or evidence, notable=bool(doubt))
     height -= SOLE * leg
-    return _raised(clip, -height), Decision(
-        "ground", f"at {height:.3f} m of the file", evidence, OVERRULE, notable=True
-    )
+    return _raised(clip, -height), decision(f"at {height:.3f} m of the file", evidence)
 
 
 def _unlevel(joints: Array, feet: Contacts, rate: float) -> str:
@@ -137,9 +137,8 @@ def _unlevel(joints: Array, feet: Contacts, rate: float) -> str:
     leans = float(np.degrees(np.median(np.arctan2(dot(line, across), line[:, 2]))))
     speed = float(np.linalg.norm(hips[-1, :2] - hips[0, :2])) * rate / len(hips)
     if abs(leans) > LEANS and speed < RUNS:
-        return (
-            f"the body leans by {abs(leans):.0f} degrees to the {'left' if leans > 0.0 else 'right'} most of the time"
-        )
+        side = "left" if leans > 0.0 else "right"
+        return f"the body leans by {abs(leans):.0f} degrees to the {side} most of the time"
     return ""
 
 

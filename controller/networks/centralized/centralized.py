@@ -10,6 +10,7 @@ has come from the one to the other, and the target is entered where it is most l
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -25,7 +26,6 @@ from controller.networks.centralized.low_rank import LowRankWeights
 from controller.networks.centralized.satellites import GaussianSatellites
 from controller.networks.centralized.switching_design import design_module
 from controller.networks.centralized.switching_module import SwitchingModule, clamp
-from controller.networks.entry_points import Entries
 from motiondeck_base.errors import MotiondeckError
 
 # How long z takes for all but 1/e of its way, s, and the gain of the current that pulls it there.
@@ -33,6 +33,7 @@ TIME_CONSTANT = 0.2
 GAIN = 5.0
 
 ENTRIES = 50  # entry points of a loop that are compared
+WINDOW_FRAMES, WINDOW_SECONDS = 12, 0.45  # what follows an entry point, and is compared
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,6 +176,14 @@ class Passage:
         """The share of the target in the mixture."""
         return rise(min(1.0, max(0.0, (self.module.z - self._origin) / (self._goal - self._origin))))
 
+    def mix(self, source: CentersPlayer, dt: float, played: Channels, out: Channels) -> None:
+        """Goes dt seconds on with the source, plays it into `played`, and mixes that into the target's out, (D,)."""
+        source.advance(dt)
+        source.read(played)
+        np.subtract(out, played, out=out)
+        np.multiply(out, self.share, out=out)
+        np.add(out, played, out=out)
+
     def snapshot(self) -> tuple[object, float, float]:
         """A copy of the state."""
         return self.module.snapshot(), self._origin, self._goal
@@ -185,19 +194,39 @@ class Passage:
         self.module.restore(module)
 
 
-def mix(share: float, source: Channels, out: Channels) -> None:
-    """Leaves a share of what is in out and takes the rest from the source, shapes (D,)."""
-    np.subtract(out, source, out=out)
-    np.multiply(out, share, out=out)
-    np.add(out, source, out=out)
-
-
 def shared_channels(motions: dict[str, CentralizedMotion]) -> int:
     """The number of channels of some motions; MotiondeckError if there is no motion, or the numbers differ."""
     numbers = {len(motion.rest) for motion in motions.values()}
     if len(numbers) != 1:
         raise MotiondeckError("a centralized network needs motions, all with the same number of channels")
     return numbers.pop()
+
+
+def channel_scale(spread: Array) -> Array:
+    """The spread of channels (D,) to divide them by: no less than a thousandth of the largest, and never 0."""
+    return np.maximum(spread, 1e-3 * max(1e-12, float(spread.max())))
+
+
+class Entries:
+    """The entry points of some motions, (E,), s: the best is where a motion is most like the course of the one before.
+
+    What is compared are the windows that follow them, each channel over its spread.
+    """
+
+    def __init__(self, motions: Mapping[str, CentralizedMotion], starts: Mapping[str, Array]) -> None:
+        self._ahead = np.linspace(0.0, WINDOW_SECONDS, WINDOW_FRAMES)
+        windows = {
+            name: motion.at((starts[name][:, None] + self._ahead).ravel()).reshape(len(starts[name]), WINDOW_FRAMES, -1)
+            for name, motion in motions.items()
+        }
+        frames = np.concatenate([w.reshape(-1, w.shape[-1]) for w in windows.values()])
+        self._scale = channel_scale(frames.std(0))
+        self._windows = {name: w / self._scale for name, w in windows.items()}
+
+    def best(self, source: CentralizedMotion, time: float, target: str, among: int | None = None) -> int:
+        """The best of the first `among` entry points for leaving a motion at a time, s."""
+        coming = source.at(time + self._ahead) / self._scale
+        return int(np.square(self._windows[target][:among] - coming).sum((1, 2)).argmin())
 
 
 class CentralizedGenerator(NamedMotions[CentralizedMotion]):
@@ -297,6 +326,4 @@ class CentralizedGenerator(NamedMotions[CentralizedMotion]):
                 waiting, self._waiting = self._waiting, None
                 self.switch(waiting)
             return
-        self._source.advance(dt * self.tempo)
-        self._source.read(self._mixed)
-        mix(self._crossing.share, self._mixed, self._out)
+        self._crossing.mix(self._source, dt * self.tempo, self._mixed, self._out)

@@ -41,9 +41,8 @@ class LowRankWeights:
     @property
     def used(self) -> NDArray[np.int32]:
         """The number of satellites in each curve, shape (r,)."""
-        reversed_ = self.curves[:, ::-1] != 0.0
-        last = np.where(reversed_.any(axis=1), reversed_.argmax(axis=1), self.curves.shape[1])
-        return (self.curves.shape[1] - last).astype(np.int32)
+        counted = np.arange(1, self.curves.shape[1] + 1, dtype=np.int32)
+        return np.where(self.curves != 0.0, counted, 0).max(axis=1, initial=0).astype(np.int32)
 
     @property
     def numbers(self) -> int:

@@ -9,10 +9,15 @@ from numpy.typing import NDArray
 
 from controller.motion.rotations import Array
 from controller.networks.base import Activation, Channels, CrossingNetwork, Network, lead_shape
-from controller.networks.centralized.centralized import CentersPlayer, CentralizedMotion, Passage, mix, shared_channels
+from controller.networks.centralized.centralized import (
+    CentersPlayer,
+    CentralizedMotion,
+    Entries,
+    Passage,
+    shared_channels,
+)
 from controller.networks.centralized.low_rank import LowRankWeights, PackedWeights
 from controller.networks.centralized.satellites import GaussianSatellites
-from controller.networks.entry_points import Entries
 from controller.networks.storage import StoredNetwork, arrays_of
 from motiondeck_base.errors import MotiondeckError
 
@@ -82,9 +87,7 @@ class CentralizedNetwork(Network[CentralizedMotion]):
         if not self._crossing.advance(dt):
             self._source = None
             return
-        self._source.advance(dt)
-        self._source.read(self._mixed)
-        mix(self._crossing.share, self._mixed, out)
+        self._crossing.mix(self._source, dt, self._mixed, out)
 
     def noise_size(self, motion: str) -> int:
         """(q, p / omega) of each center; satellites follow at once."""

@@ -31,8 +31,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.motion.encodings.normalisation import Normalisation
-from controller.networks.base import Channels, Rows, lead_shape
-from controller.networks.reservoirs.reservoir_network import AutonomousReservoir, Float32, require_playing
+from controller.networks.base import AutonomousNetwork, Channels, Rows, lead_shape
+from controller.networks.reservoirs.reservoir_network import Float32, ReservoirNetwork, require_playing
 from controller.networks.storage import StoredNetwork, arrays_of
 
 LARGEST_NOISE = 2.0  # beyond it |s + noise| > 1, which tanh never gives: |s| <= 1
@@ -61,7 +61,7 @@ class Memory:
     normalisation: Normalisation  # between the channels of both and the encoding's units
 
 
-class ConceptorNetwork(AutonomousReservoir[ConceptorMotion]):
+class ConceptorNetwork(ReservoirNetwork[ConceptorMotion]):
     """Plays the motions of one reservoir frame by frame; fits `base.AutonomousNetwork`."""
 
     kind = "conceptor"
@@ -80,6 +80,10 @@ class ConceptorNetwork(AutonomousReservoir[ConceptorMotion]):
 
     def with_motions(self, more: dict[str, ConceptorMotion], runs: int | None = None) -> ConceptorNetwork:
         return ConceptorNetwork(self._of | more, self.memory, lead_shape(runs))
+
+    @property
+    def as_autonomous(self) -> AutonomousNetwork:
+        return self
 
     def anchors(self, motion: str) -> Channels:
         net = self[motion]

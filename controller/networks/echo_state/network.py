@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.motion.encodings.normalisation import Normalisation
-from controller.networks.base import Channels, Rows, lead_shape
-from controller.networks.reservoirs.reservoir_network import AutonomousReservoir, Float32, require_playing
+from controller.networks.base import AutonomousNetwork, Channels, Rows, lead_shape
+from controller.networks.reservoirs.reservoir_network import Float32, ReservoirNetwork, require_playing
 from controller.networks.storage import StoredNetwork, arrays_of
 
 OUTPUT_BOUND = 1.05
@@ -34,7 +34,7 @@ class EchoStateMotion:
     outputs: Float32  # normalised y at the anchors, shape (A, C)
 
 
-class EchoStateNetwork(AutonomousReservoir[EchoStateMotion]):
+class EchoStateNetwork(ReservoirNetwork[EchoStateMotion]):
     """Plays motions frame by frame; fits `base.AutonomousNetwork`.
 
     `weights` are W, shape (N, N), `feedback` W_back, shape (N, C), `bias` b, shape (N,), `leak` a in (0, 1]. Where
@@ -73,6 +73,10 @@ class EchoStateNetwork(AutonomousReservoir[EchoStateMotion]):
     def with_motions(self, more: dict[str, EchoStateMotion], runs: int | None = None) -> EchoStateNetwork:
         shared = self.weights, self.feedback, self.bias, self.leak, self.normalisation
         return EchoStateNetwork(*shared, self._of | more, clipped=self.clipped, runs=lead_shape(runs))
+
+    @property
+    def as_autonomous(self) -> AutonomousNetwork:
+        return self
 
     def anchors(self, motion: str) -> Channels:
         return self.normalisation.invert(self[motion].outputs.astype(np.float64))

@@ -66,13 +66,15 @@ class PhaseMorph:
         self._phase_weights, self._harmonics_of = reservoir.phase_weights, reservoir.harmonics_of
         states, channels = zip(*(_settled(motion) for motion in self._motions), strict=True)
         means = np.stack([one.mean(0) for one in states])
-        spans = [_principal(one - mean) for one, mean in zip(states, means, strict=True)]
+        centred = [one - mean for one, mean in zip(states, means, strict=True)]
+        spans = [np.linalg.svd(one, full_matrices=False)[2][:RANK].T for one in centred]  # principal directions
         basis, _ = np.linalg.qr(np.hstack([*spans, (means[1] - means[0])[:, None]]))
         seen = [one @ basis for one in states]
         following = [network.normalisation.apply(np.roll(one, -1, axis=0)) for one in channels]
         estimate, constant = _affine(np.concatenate(seen), np.concatenate(following))
         self._readout, self._rest = _affine(np.concatenate(seen), np.concatenate(channels))
-        self._correlations = [_correlation(one - one.mean(0), network.neurons) for one in seen]
+        centred = [one - one.mean(0) for one in seen]
+        self._correlations = [one.T @ one / network.neurons for one in centred]
         self._means = means @ basis
         self._project = np.ascontiguousarray(basis.T)
         self._recurrent = reservoir.weights @ basis + reservoir.input_weights @ estimate
@@ -163,16 +165,6 @@ def channels_at(motion: PhaseConceptorMotion, share: Array) -> Channels:
 def _activity(channels: Channels) -> Array:
     """Root mean square change of channels (T, C) from frame to frame, shape (C,)."""
     return np.sqrt(np.square(np.diff(channels, axis=0)).mean(0))
-
-
-def _principal(centred: Array) -> Array:
-    """The RANK largest principal directions of states (T, N), shape (N, RANK) or fewer."""
-    _, _, directions = np.linalg.svd(centred, full_matrices=False)
-    return directions[:RANK].T
-
-
-def _correlation(centred: Array, neurons: int) -> Array:
-    return centred.T @ centred / neurons
 
 
 def _affine(states: Array, targets: Array) -> tuple[Array, Array]:

@@ -1,12 +1,12 @@
-"""Base classes of reservoir networks, and of those that run by themselves."""
+"""The base class of reservoir networks."""
 
 from abc import abstractmethod
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.networks.base import AutonomousNetwork, Morph, Motion, Network, Rows
+from controller.networks.base import Motion, Network
 from motiondeck_base.errors import MotiondeckError
 
 Float32 = NDArray[np.float32]
@@ -32,29 +32,6 @@ class ReservoirNetwork(Network[Motion]):
 
     def noise_size(self, motion: str) -> int:
         return self.neurons
-
-
-class AutonomousReservoir(ReservoirNetwork[Motion]):
-    """A reservoir that runs by itself; fits `base.AutonomousNetwork`."""
-
-    @property
-    def as_autonomous(self) -> AutonomousNetwork:
-        return self
-
-    @abstractmethod
-    def astray(self) -> Any:
-        """Whether the state is one that undisturbed playing never reaches; of several runs, shape (R,)."""
-
-    @abstractmethod
-    def cue(self, motion: str, anchor: Any, rows: Rows = ...) -> None:
-        """Puts the network into the stored state of an anchor; of several runs, some of them, one anchor each."""
-
-    @abstractmethod
-    def morph(self, source: str, target: str) -> Morph:
-        """A morph that starts where the network is in the source (Deliallisi 2017, eqs 3.7, 3.16 and 3.17).
-
-        mu = 0 is the source, mu = 1 the target; between them lies interpolation, beyond them extrapolation.
-        """
 
 
 def require_playing(plays: bool, source: str) -> None:

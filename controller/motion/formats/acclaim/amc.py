@@ -207,17 +207,16 @@ def skeleton_of(recording: Path, top: Path) -> Path | None:
     """
     if recording.suffix.lower() != ".amc":
         return None
-    folder = recording.parent
-    while True:
+    for folder in recording.parents:
         there = _skeletons(folder)
         named = [p for p in there if recording.stem.startswith(p.stem)]
         if named:
             return max(named, key=lambda p: len(p.stem))
         if len(there) == 1:
             return there[0]
-        if folder in (top, folder.parent):
-            return None
-        folder = folder.parent
+        if folder == top:
+            break
+    return None
 
 
 def read_acclaim(path: str | Path, options: ReadingOptions) -> Clip:

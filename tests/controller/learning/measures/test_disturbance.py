@@ -6,10 +6,10 @@ from hypothesis import strategies as st
 import synthetic
 from controller.learning.evaluation.failure_rates import Subject, grouped, sweep, wilson
 from controller.learning.evaluation.tables import failure_table
-from controller.learning.measures.disturbance import STEPS, GuardKnowledge, disturbed, stress_test
+from controller.learning.measures.disturbance import STEPS, disturbed, stress_test
 from controller.learning.measures.self_test import after_disturbance, self_test
 from controller.learning.trainers.echo_state import EchoStateRecipe
-from controller.networks.guard import Guard, beat, spread
+from controller.networks.guard import Guard, LossWatch, beat, spread
 
 SMALL_ECHO = EchoStateRecipe(neurons=200, washout=60)
 
@@ -110,10 +110,10 @@ def test_the_same_seed_gives_the_same_runs(conceptors, kind):
 
 def test_a_guarded_run_is_what_a_guard_plays(conceptors):
     frames, scale = len(synthetic.bow()), spread(conceptors)
-    watched = GuardKnowledge(
-        beat(conceptors, "bow", scale, frames, synthetic.RATE, loop=False), scale, conceptors.anchors("bow")[0]
+    watch = LossWatch(
+        beat(conceptors, "bow", scale, frames, synthetic.RATE, loop=False), scale, conceptors.anchors("bow")[:1]
     )
-    (run,) = disturbed("robustness", conceptors, "bow", 1, np.random.default_rng(0), watched)
+    (run,) = disturbed("robustness", conceptors, "bow", 1, np.random.default_rng(0), watch)
     lengths = {name: len(taught) for name, taught in synthetic.references().items()}
     guard = Guard(conceptors.twin(), lengths, synthetic.LOOPS, synthetic.RATE)
     out = np.empty((STEPS, conceptors.channels))
