@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.motion.clip import Clip
-from controller.motion.rotations import Array, conjugate, multiply, rotate, yaw
+from controller.motion.rotations import Array, conjugate, multiply, yaw
 from motiondeck_base.errors import FileFormatError
 
 RATE = 10.0  # Hz, of the frames compared
@@ -28,8 +28,7 @@ Bounds = tuple[tuple[int, int], ...]
 
 def body_features(clip: Clip) -> Array:
     """Joints relative to the root in its heading frame, and their rates over 0.1 s, shape (T, 6 B), m."""
-    forward = rotate(clip.rotation[:, 0], np.array([1.0, 0.0, 0.0]))
-    heading = np.arctan2(forward[:, 1], forward[:, 0])
+    heading = clip.heading()
     turned = multiply(conjugate(yaw(heading))[:, None, :], clip.rotation)
     root = np.zeros((len(clip), 3))
     root[:, 2] = clip.root_position[:, 2]

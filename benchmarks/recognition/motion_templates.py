@@ -14,7 +14,7 @@ from scipy.spatial.distance import cdist
 
 from benchmarks.recognition.alignment import warped, warping_path
 from benchmarks.recognition.methods import Scorer, learned_by_class
-from controller.learning.recognition.features import heading_of, resampled
+from controller.learning.recognition.features import resampled
 from controller.learning.recognition.labelled_recordings import Example
 from controller.motion.rotations import Array, Indices, conjugate, rotate, yaw
 from motiondeck_base.errors import MotiondeckError
@@ -41,7 +41,7 @@ def relations(example: Example, stretch: float) -> Array:
     world = resampled(clip.joints().reshape(len(clip), -1), clip.rate / stretch, RATE).reshape(
         -1, len(clip.skeleton) + 1, 3
     )
-    facing = resampled(np.unwrap(heading_of(clip))[:, None], clip.rate / stretch, RATE)[:, 0]
+    facing = resampled(np.unwrap(clip.heading())[:, None], clip.rate / stretch, RATE)[:, 0]
     leg = clip.skeleton.leg_length
     seen = rotate(conjugate(yaw(facing))[:, None], world - world[:, :1]) / leg
     joint = {name: seen[:, clip.skeleton.index(name) + 1] for name in NEEDED}

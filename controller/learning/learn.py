@@ -252,8 +252,7 @@ def _unlike(examined: list[AnalysedRecording]) -> list[AnalysedRecording]:
     for one in examined:
         name = one.motion.name
         if name != one.name:
-            name = next(other for other in chain([name], map(partial(numbered, name), count(2))) if other not in taken)
-            taken.add(name)
+            name = _free(name, name, taken)
         found.append(replace(one, motion=msgspec.structs.replace(one.motion, name=name)))
     return found
 
@@ -266,10 +265,12 @@ def _names(files: list[Path]) -> dict[Path, str]:
     taken: set[str] = set()
     for file in files:
         name = plain[file] if shared[plain[file]] == 1 else typeable(f"{file.parent.name}-{file.stem}")
-        number = 2
-        while name in taken:
-            name = f"{plain[file][:36]}-{number}"
-            number += 1
-        taken.add(name)
-        names[file] = name
+        names[file] = _free(name, plain[file], taken)
     return names
+
+
+def _free(name: str, plain: str, taken: set[str]) -> str:
+    """The name, or if it is taken the plain one with a number; then that is taken."""
+    free = next(one for one in chain([name], map(partial(numbered, plain), count(2))) if one not in taken)
+    taken.add(free)
+    return free

@@ -17,7 +17,7 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from controller.motion.bone_names import NamedPart, named_parts
+from controller.motion.bone_names import SIDES, NamedPart, Side, named_parts
 from controller.motion.rotations import Array
 from controller.motion.skeleton import ROOT, Skeleton
 
@@ -31,8 +31,6 @@ PART_OF_FOREARM, HALF, WHOLE = 0.78, 0.4, 1.15
 Part = Literal[
     "trunk", "neck", "head", "hip", "thigh", "shank", "foot", "clavicle", "upper arm", "forearm", "hand", "other"
 ]
-Side = Literal["left", "right", "middle"]
-SIDES: tuple[Side, Side] = ("left", "right")
 FirstBones: TypeAlias = dict[tuple[str, str], int]  # by part and side
 
 

@@ -21,6 +21,7 @@ from typing import Any, Literal, NamedTuple, Self
 LimbPart = Literal["hip", "thigh", "shank", "foot", "clavicle", "upper arm", "forearm", "hand"]
 Part = Literal["pelvis", "trunk", "neck", "head", "toes"] | LimbPart
 Side = Literal["left", "right", "middle"]
+SIDES: tuple[Side, Side] = ("left", "right")
 
 
 class NamedPart(NamedTuple):

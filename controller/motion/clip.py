@@ -12,7 +12,7 @@ from typing import Literal
 
 import numpy as np
 
-from controller.motion.rotations import Array, Flags
+from controller.motion.rotations import Array, Flags, Indices, rotate
 from controller.motion.skeleton import Pose, Posture, Skeleton, walk_path
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.files import listed
@@ -114,6 +114,11 @@ class Clip:
         """Joint positions, the root first, shape (T, 1 + B, 3), m."""
         return self.skeleton.joints(self.root_position, self.rotation)
 
+    def heading(self) -> Array:
+        """The heading of the root, shape (T,), rad: its forward axis, projected onto the floor."""
+        forward = rotate(self.rotation[:, 0], np.array([1.0, 0.0, 0.0]))
+        return np.arctan2(forward[:, 1], forward[:, 0])
+
 
 @dataclass(frozen=True, eq=False)
 class Markers:
@@ -142,8 +147,12 @@ def unit_of_size(position: Array) -> float:
 def bridged(track: Array) -> Array:
     """A track (T, C), seen at least once, with its gaps interpolated linearly."""
     there = np.flatnonzero(~np.isnan(track[:, 0]))
-    every = np.arange(len(track))
-    return np.stack([np.interp(every, there, track[there, axis]) for axis in range(track.shape[1])], axis=-1)
+    return between_rows(track[there], there, np.arange(len(track)))
+
+
+def between_rows(rows: Array, known: Array | Indices, at: Array | Indices) -> Array:
+    """Rows (K, C) that are known at rising times (K,), interpolated linearly at times (T,), shape (T, C)."""
+    return np.stack([np.interp(at, known, column) for column in rows.T], axis=-1)
 
 
 def runs(flags: Flags) -> list[tuple[int, int]]:

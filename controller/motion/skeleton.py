@@ -177,7 +177,7 @@ def walk_path(posture: Posture, dt: float, speed: float = 1.0) -> Pose:
 
 # Bone, parent, and direction in the rest pose: arms out sideways, legs down, feet forward. Order and tree are those of
 # Jaeger's patterns, which have no rest pose.
-_TREE: tuple[tuple[str, str, tuple[float, float, float]], ...] = (
+JAEGER_TREE: tuple[tuple[str, str, tuple[float, float, float]], ...] = (
     ("rhip", "root", (0.0, -1.0, 0.0)),
     ("rkne", "rhip", (0.0, 0.0, -1.0)),
     ("rank", "rkne", (0.0, 0.0, -1.0)),
@@ -198,9 +198,9 @@ _TREE: tuple[tuple[str, str, tuple[float, float, float]], ...] = (
     ("lwri", "lelb", (0.0, 1.0, 0.0)),
     ("lhan", "lwri", (0.0, 1.0, 0.0)),
 )
-JAEGER_BONES = tuple(bone for bone, _, _ in _TREE)
-JAEGER_PARENT = tuple(ROOT if parent == "root" else JAEGER_BONES.index(parent) for _, parent, _ in _TREE)
-JAEGER_REST = tuple(rest for _, _, rest in _TREE)
+JAEGER_BONES = tuple(bone for bone, _, _ in JAEGER_TREE)
+JAEGER_PARENT = tuple(ROOT if parent == "root" else JAEGER_BONES.index(parent) for _, parent, _ in JAEGER_TREE)
+JAEGER_REST = tuple(rest for _, _, rest in JAEGER_TREE)
 
 
 def thesis_skeleton(lengths: Array, name: str = "jaeger") -> Skeleton:

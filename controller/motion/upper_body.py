@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from controller.motion.bone_names import NamedPart, Part, Side, named_parts
+from controller.motion.bone_names import SIDES, NamedPart, Part, named_parts
 from controller.motion.clip import Clip, Decision
 from controller.motion.rotations import Array, Flags, Indices, conjugate, cross, normalise, rotate, yaw
 from motiondeck_base.errors import FileFormatError
@@ -21,7 +21,6 @@ RESTS = Decision("body", "an upper body, to which legs that rest are added", "as
 _LEGS = {"thigh", "shank", "foot", "toes"}
 _ARM: tuple[Part, ...] = ("upper arm", "forearm", "hand")
 _CHAIN = ("UpLeg", "Leg", "Foot", "ToeBase")
-SIDES: tuple[Side, Side] = ("left", "right")
 # Over thigh and shank (Winter 2009, fig. 4.1): upper arm and forearm; half the hips' width; toes ahead of the ankle.
 ARM_PER_LEG, HALF_HIPS_PER_LEG, TOES_AHEAD, TOES_BELOW = 0.68, 0.19, 0.25, 0.045
 SHORTEST_TRUNK, LONGEST_TRUNK = 0.35, 0.9  # over thigh and shank, usually 0.58, from the pelvis to the shoulders
@@ -86,9 +85,8 @@ def with_legs(
 
 def legs_at_rest(clip: Clip) -> Clip:
     """The clip of such a tree with its legs vertical, below hips that move with the pelvis."""
-    ahead = rotate(clip.rotation[:, 0], np.array([1.0, 0.0, 0.0]))
     rotation = clip.rotation.copy()
     for side in ("Left", "Right"):
         for name in _CHAIN[:-1]:
-            rotation[:, 1 + clip.skeleton.index(side + name)] = yaw(np.arctan2(ahead[:, 1], ahead[:, 0]))
+            rotation[:, 1 + clip.skeleton.index(side + name)] = yaw(clip.heading())
     return replace(clip, rotation=rotation)

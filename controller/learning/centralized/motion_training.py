@@ -15,6 +15,7 @@ import numpy as np
 from controller.learning.centralized.low_rank_learning import learn_low_rank
 from controller.learning.centralized.model_choice import aicc
 from controller.learning.centralized.satellite_learning import learn, ridge_readout, slow_and_fast
+from controller.motion.clip import between_rows
 from controller.motion.rotations import Array
 from controller.networks.centralized.centralized import CentralizedMotion, channel_scale
 from controller.networks.centralized.low_rank import LowRankWeights
@@ -168,7 +169,7 @@ def learn_primitive(
             raise MotiondeckError(f"demonstration {index} is of shape {each.shape}; 6 frames are needed at least")
     frames = round(float(np.median([len(each) for each in demonstrations])))
     phase = np.linspace(0.0, 1.0, frames)
-    aligned = np.stack([_at(each, phase) for each in demonstrations])
+    aligned = np.stack([between_rows(each, np.linspace(0.0, 1.0, len(each)), phase) for each in demonstrations])
     rest, scale = aligned.mean((0, 1)), channel_scale(aligned.std((0, 1)))
     scaled = (aligned - rest) / scale
     side_by_side = scaled.transpose(1, 0, 2).reshape(frames, -1)
@@ -178,8 +179,3 @@ def learn_primitive(
     seconds = np.array([(len(each) - 1) / rate for each in demonstrations])
     weights = weights * scale[:, None]
     return MovementPrimitive(learned.frequency, learned.phase, learned.satellites, weights, rest, BEND * scale, seconds)
-
-
-def _at(demonstration: Array, phase: Array) -> Array:
-    own = np.linspace(0.0, 1.0, len(demonstration))
-    return np.stack([np.interp(phase, own, column) for column in demonstration.T], axis=-1)

@@ -20,7 +20,7 @@ from scipy.interpolate import CubicSpline
 from scipy.special import expit
 
 from controller.learning.centralized.satellite_learning import learn, ridge_readout, slow_and_fast
-from controller.motion.clip import bridged, runs
+from controller.motion.clip import between_rows, bridged, runs
 from controller.motion.rotations import Array, Flags
 from controller.networks.ridge import ridge
 
@@ -267,7 +267,7 @@ def _through_edges(predicted: Array, path: Array, missing: Flags, *, cubic: bool
         if len(near) == 4:
             out[first:end] += CubicSpline(near, off)(inside)
         elif near:
-            out[first:end] += np.stack([np.interp(inside, near, off[:, axis]) for axis in range(3)], axis=-1)
+            out[first:end] += between_rows(off, np.array(near), inside)
     return out
 
 

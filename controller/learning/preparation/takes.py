@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from controller.learning.preparation.loops import best_seam, with_velocities
-from controller.motion.clip import Clip
+from controller.motion.clip import Clip, between_rows
 from controller.motion.encodings.joint_angles import angles_of
 from controller.motion.formats.reading import read_clip
 from controller.motion.formats.taught_clip import taught_clip
@@ -139,13 +139,12 @@ def _best_part(take: Array, reference: Array) -> Array:
 
 def _laid_over(take: Array, reference: Array) -> Array:
     few = min(_WARPED_AT, len(take), len(reference))
-    coarse = [_at(one, np.linspace(0, len(one) - 1, few)) for one in (reference, take)]
+    coarse = [between_rows(one, np.arange(len(one)), np.linspace(0, len(one) - 1, few)) for one in (reference, take)]
     own, other = _path(*coarse)
     # The mean of several partners of a frame of the reference.
     partner = np.array([other[own == frame].mean() for frame in range(few)]) / (few - 1)
     smooth = np.interp(np.linspace(0, 1, len(reference)), np.linspace(0, 1, few), partner)
-    place = smooth * (len(take) - 1)
-    return _at(take, place)
+    return between_rows(take, np.arange(len(take)), smooth * (len(take) - 1))
 
 
 def _path(reference: Array, take: Array) -> tuple[Indices, Indices]:
@@ -167,10 +166,6 @@ def _path(reference: Array, take: Array) -> tuple[Indices, Indices]:
         row, column = min(((row - 1, column - 1), (row - 1, column), (row, column - 1)), key=lambda place: total[place])
     own, other = np.array(pairs[::-1]).T
     return own, other
-
-
-def _at(channels: Array, place: Array) -> Array:
-    return np.stack([np.interp(place, np.arange(len(channels)), channel) for channel in channels.T], axis=1)
 
 
 def spread_of(channels: Array) -> float:

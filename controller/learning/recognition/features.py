@@ -112,12 +112,6 @@ def resampled(frames: Array, rate: float, wanted: float) -> Array:
     return (1.0 - share) * frames[low] + share * frames[high]
 
 
-def heading_of(clip: Clip) -> Array:
-    """The heading of the root, shape (T,), rad: its forward axis, projected onto the floor."""
-    forward = rotate(clip.rotation[:, 0], np.array([1.0, 0.0, 0.0]))
-    return np.arctan2(forward[:, 1], forward[:, 0])
-
-
 def _positions(clip: Clip, index: list[int], heading: bool) -> Array:
     joints = clip.joints()
     root = joints[:, :1]
@@ -125,7 +119,7 @@ def _positions(clip: Clip, index: list[int], heading: bool) -> Array:
         root = joints[:, [1 + clip.skeleton.index(hip) for hip in ("lhip", "rhip")]].mean(axis=1, keepdims=True)
     seen = joints[:, 1:][:, index] - root
     if heading:
-        seen = rotate(conjugate(yaw(heading_of(clip)))[:, None], seen)
+        seen = rotate(conjugate(yaw(clip.heading()))[:, None], seen)
     return seen.reshape(len(clip), -1)
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from controller.motion.clip import FARTHEST, MOST_NUMBERS
+from controller.motion.clip import FARTHEST, MOST_NUMBERS, between_rows
 from controller.motion.rotations import Array
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.files import Line, as_float, no_number, read_lines
@@ -107,10 +107,9 @@ def even_times(time: Array, position: Array, lines: list[Line]) -> tuple[float, 
         rate = len(steps) / float(time[-1] - time[0])
         return (round(rate, 2) if abs(rate - round(rate, 2)) < 1e-4 * rate else rate), position
     rate = 1.0 / float(steps[steps < 1.5 * usual].mean())
-    columns = position.reshape(len(time), -1).T
+    rows = position.reshape(len(time), -1)
     count = int((time[-1] - time[0]) * rate + 1e-6) + 1
-    if count * len(columns) > MOST_NUMBERS:
+    if count * rows.shape[1] > MOST_NUMBERS:
         raise lines[0].error(f"{count} frames at even times do not fit into memory. Cut the recording into pieces.")
     even = time[0] + np.arange(count) / rate
-    places = np.stack([np.interp(even, time, column) for column in columns], axis=1)
-    return rate, places.reshape(len(even), *position.shape[1:])
+    return rate, between_rows(rows, time, even).reshape(len(even), *position.shape[1:])

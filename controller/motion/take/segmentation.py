@@ -25,7 +25,7 @@ from controller.motion.canonical.canonical_body import to_canonical
 from controller.motion.canonical.clip_edits import STILL_SPEED, breaks, moving_part, span, thinned
 from controller.motion.clip import Clip, Decision, runs
 from controller.motion.encodings.joint_angles import angles_of
-from controller.motion.rotations import Array, Indices, conjugate, multiply, rotate, yaw
+from controller.motion.rotations import Array, Indices, conjugate, multiply, yaw
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.files import listed
 
@@ -64,9 +64,7 @@ def poses_of(clip: Clip) -> Array:
         return angles_of(clip.rotation[:, 1:])
     with suppress(FileFormatError):  # without legs
         clip = to_canonical(clip)
-    forward = rotate(clip.rotation[:, 0], np.array([1.0, 0.0, 0.0]))
-    heading = np.arctan2(forward[:, 1], forward[:, 0])
-    turned = multiply(conjugate(yaw(heading))[:, None, :], clip.rotation)
+    turned = multiply(conjugate(yaw(clip.heading()))[:, None, :], clip.rotation)
     root = np.zeros((len(clip), 3))
     root[:, 2] = clip.root_position[:, 2]
     return clip.skeleton.joints(root, turned).reshape(len(clip), -1)

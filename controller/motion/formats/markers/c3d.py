@@ -19,7 +19,8 @@ from motiondeck_base.errors import FileFormatError
 from motiondeck_base.files import read_bytes, shortened
 
 BLOCK = 512
-INTEL, DEC, MIPS = 84, 85, 86
+DEC = 85
+ORDERS = {84: "<", DEC: "<", 86: ">"}  # of the bytes of Intel's, DEC's and MIPS's numbers
 TYPES = {-1: "S1", 1: "u1", 2: "i2", 4: "f4"}
 
 Parameters: TypeAlias = dict[str, NDArray[np.generic]]  # values of "POINT:RATE" and so on, an entry a row
@@ -29,7 +30,7 @@ Parameters: TypeAlias = dict[str, NDArray[np.generic]]  # values of "POINT:RATE"
 class C3dLayout:
     """Location and meaning of the numbers in a C3D file."""
 
-    processor: int  # INTEL, DEC or MIPS
+    processor: int  # one of ORDERS
     parameters: Parameters
     at: int  # the first byte of the points
     frames: int
@@ -42,8 +43,7 @@ class C3dLayout:
     @property
     def number(self) -> np.dtype[np.generic]:
         """The stored type; floating-point numbers of a DEC also need `_floats`."""
-        order = ">" if self.processor == MIPS else "<"
-        return np.dtype(order + ("f4" if self.scale < 0.0 else "i2"))
+        return np.dtype(ORDERS[self.processor] + ("f4" if self.scale < 0.0 else "i2"))
 
     @property
     def step(self) -> float:
@@ -59,12 +59,11 @@ def read_layout(path: str | Path, content: bytes) -> C3dLayout:
     if not BLOCK <= start <= len(content) - 4:
         raise FileFormatError(f"{path}: its parameters are not in the file. It is cut short: fetch it again.")
     processor = content[start + 3]
-    if processor not in (INTEL, DEC, MIPS):
+    if processor not in ORDERS:
         raise FileFormatError(f"{path}: it was written by an unknown kind of machine ({processor}). Fetch it again.")
-    order = ">" if processor == MIPS else "<"
     parameters = _parameters(path, content, start + 4, processor)
 
-    header = np.frombuffer(content[:24], order + "u2")
+    header = np.frombuffer(content[:24], ORDERS[processor] + "u2")
     points = _whole(parameters, "POINT:USED", int(header[1]))
     analog = int(header[2])
     scale, rate = _floats(content[12:16] + content[20:24], processor)
@@ -123,14 +122,13 @@ def seen_points(content: bytes, form: C3dLayout) -> Array:
 def _parameters(path: str | Path, content: bytes, at: int, processor: int) -> Parameters:
     groups: dict[int, str] = {}
     found: dict[tuple[int, str], NDArray[np.generic]] = {}
-    order = ">" if processor == MIPS else "<"
     try:
         while content[at] != 0:
             length = abs(int.from_bytes(content[at : at + 1], signed=True))
             group = int.from_bytes(content[at + 1 : at + 2], signed=True)
             name = content[at + 2 : at + 2 + length].decode("latin-1").upper()
             at += 2 + length
-            offset = int(np.frombuffer(content[at : at + 2], order + "u2")[0])
+            offset = int(np.frombuffer(content[at : at + 2], ORDERS[processor] + "u2")[0])
             if group < 0:
                 groups[-group] = name
             else:
@@ -151,25 +149,25 @@ def _values(content: bytes, at: int, processor: int) -> NDArray[np.generic]:
         raise ValueError(f"a parameter of kind {kind}")
     if kind == -1:
         # Characters come in rows: the first dimension is how long each text is.
-        width, shape = (shape[0], shape[1:]) if shape else (1, [])
-        element = np.dtype(f"S{max(width, 1)}")
+        width, *shape = shape or [1]
+        if width == 0:
+            return np.zeros(0, "S1")
+        element = np.dtype(f"S{width}")
     else:
-        width, element = 1, np.dtype(TYPES[kind])
-    count = int(np.prod(shape, dtype=np.int64))
+        element = np.dtype(ORDERS[processor] + TYPES[kind])
+    size = int(np.prod(shape, dtype=np.int64)) * element.itemsize
     at += 2 + content[at + 1]
-    raw = content[at : at + count * element.itemsize if width else at]
-    if len(raw) < count * element.itemsize * (width > 0):
+    raw = content[at : at + size]
+    if len(raw) < size:
         raise ValueError("a parameter ends after the file")
-    if width == 0:
-        return np.zeros(0, "S1")
     if kind == 4:
         return _floats(raw, processor)
-    return np.frombuffer(raw, element.newbyteorder(">" if processor == MIPS else "<"))
+    return np.frombuffer(raw, element)
 
 
 def _floats(raw: bytes, processor: int) -> Array:
     if processor != DEC:
-        return np.frombuffer(raw, ">f4" if processor == MIPS else "<f4").astype(np.float64)
+        return np.frombuffer(raw, ORDERS[processor] + "f4").astype(np.float64)
     # DEC's have their halves exchanged, and an exponent that is two higher.
     halves = np.frombuffer(raw, "<u2").reshape(-1, 2)[:, ::-1]
     with np.errstate(all="ignore"):

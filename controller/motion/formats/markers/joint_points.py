@@ -17,7 +17,7 @@ from controller.motion.clip import Clip, Markers, bridged
 from controller.motion.formats.markers.skin_markers import marks_pelvis
 from controller.motion.orientation import orient
 from controller.motion.rotations import Array, best_fit, continuous, dot, normalise, rotate
-from controller.motion.skeleton import JAEGER_BONES, JAEGER_PARENT, JAEGER_REST, ROOT, Skeleton, thesis_skeleton
+from controller.motion.skeleton import JAEGER_TREE, ROOT, Skeleton, thesis_skeleton
 from controller.motion.up_axis import TO_OURS
 
 LEGS = tuple(side + joint for side in "lr" for joint in ("hip", "kne", "ank"))  # which every body needs
@@ -32,11 +32,6 @@ for _end, _part in zip(
     strict=True,
 ):
     _USUAL |= {"l" + _end: "Left" + _part, "r" + _end: "Right" + _part}
-# Bone, parent and rest direction.
-_TREE = [
-    (bone, "root" if of == ROOT else JAEGER_BONES[of], rest)
-    for bone, of, rest in zip(JAEGER_BONES, JAEGER_PARENT, JAEGER_REST, strict=True)
-]
 # The canonical joint in which a named part starts; toes and fingers are points on them.
 _LIMB_STARTS = {
     **{"thigh": "hip", "shank": "kne", "foot": "ank", "toes": "foo"},
@@ -111,7 +106,7 @@ def jointed_body(joints: dict[str, Array], markers: Markers, name: str) -> Clip:
             ends.setdefault(side + "han", ends[side + "wri"] + HAND * (ends[side + "wri"] - ends[side + "elb"]))
     if "head" in ends:
         ends["back"] = 0.5 * (ends["root"] + ends["neck"])
-    tree = {bone: (of, rest) for bone, of, rest in _TREE if bone in ends}
+    tree = {bone: (of, rest) for bone, of, rest in JAEGER_TREE if bone in ends}
     if "neck" in ends and "back" not in ends:  # one bone: of two without a head the upper would pass for the head
         tree["neck"] = "root", tree["neck"][1]
     if "neck" not in ends and "pelvis" in ends:  # gives the rotation of the root about the line between the hips

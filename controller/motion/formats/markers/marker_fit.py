@@ -29,7 +29,7 @@ from controller.motion.rotations import (
     rotate,
     to_rotation_vector,
 )
-from controller.motion.skeleton import JAEGER_BONES, JAEGER_PARENT, ROOT, Skeleton, thesis_skeleton
+from controller.motion.skeleton import JAEGER_BONES, JAEGER_TREE, Skeleton, thesis_skeleton
 from controller.motion.up_axis import TO_OURS
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.files import listed
@@ -214,9 +214,8 @@ def _joint_centres(m: dict[str, Array]) -> dict[str, Array]:
 def _skeleton(joints: dict[str, Array], name: str) -> Skeleton:
     """The thesis's skeleton with the median lengths, left and right alike."""
     length: dict[str, float] = {}
-    for bone, parent in zip(JAEGER_BONES, JAEGER_PARENT, strict=True):
-        start = joints["root" if parent == ROOT else JAEGER_BONES[parent]]
-        length[bone] = float(np.median(np.linalg.norm(joints[bone] - start, axis=-1)))
+    for bone, parent, _ in JAEGER_TREE:
+        length[bone] = float(np.median(np.linalg.norm(joints[bone] - joints[parent], axis=-1)))
     for bone in JAEGER_BONES:
         if bone[0] == "l":
             length[bone] = length["r" + bone[1:]] = 0.5 * (length[bone] + length["r" + bone[1:]])
