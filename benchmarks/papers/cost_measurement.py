@@ -11,7 +11,6 @@ import msgspec
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from controller.learning.preparation.training_motion import Lessons
 from controller.learning.recipe import LibraryRecipe
 from controller.learning.trainers.centralized import CentralizedRecipe
 from controller.learning.trainers.trainer import trainer_of
@@ -82,7 +81,7 @@ def variants(recipe: LibraryRecipe, syllabus: TrainingSet) -> Iterator[tuple[str
 
 def measure(varied: str, recipe: LibraryRecipe, syllabus: TrainingSet, seed: int) -> TrainingCost:
     """Trains once for the time and once more for the memory, whose tracing takes time, and plays."""
-    lessons, trainer = Lessons(*syllabus.normalised(), syllabus.rate), trainer_of(recipe.network)
+    lessons, trainer = syllabus.lessons(), trainer_of(recipe.network)
     with threadpool_limits(1):
         began = time.process_time()
         network = trainer.train(recipe.network, lessons, seed)

@@ -73,7 +73,7 @@ def readout_targets(evaluation: Evaluation, data: Path) -> list[Array] | None:
     if not isinstance(evaluation.recipe.network, ConceptorRecipe):
         return None
     files = [find_recording(data, motion.file) for motion in evaluation.recipe.motions]
-    return noisy_targets(evaluation.syllabus.normalised()[0], files)
+    return noisy_targets(evaluation.syllabus.lessons().motions, files)
 
 
 def failures(evaluation: Evaluation, kind: Kind, seeds: range, runs: int, jobs: Jobs) -> Table:

@@ -39,7 +39,6 @@ from controller.deck.tracks.frame_player import FramePlayer
 from controller.learning.evaluation.failure_rates import wilson
 from controller.learning.measures.disturbance import disturbed
 from controller.learning.measures.self_test import Judge, after_disturbance, self_test
-from controller.learning.preparation.training_motion import Lessons
 from controller.learning.recipe import MotionRecipe, NetworkRecipe, read_recipe
 from controller.learning.reservoirs.conceptor_training import ConceptorRecipe
 from controller.learning.trainers.echo_state import EchoStateRecipe
@@ -142,9 +141,9 @@ def training_set(data: Path, source: str) -> TrainingSet:
 
 def learned(recipe: NetworkRecipe, known: TrainingSet, seed: int) -> tuple[AnyNetwork, float]:
     """A network of a recipe, and how long its training took, s."""
-    motions, normalisation = known.normalised()
+    lessons = known.lessons()
     began = time.perf_counter()
-    network = trainer_of(recipe).train(recipe, Lessons(motions, normalisation, known.rate), seed)
+    network = trainer_of(recipe).train(recipe, lessons, seed)
     return network, time.perf_counter() - began
 
 

@@ -1,6 +1,6 @@
 """The training set of a recipe: recordings on one body at one rate, cut, closed or brought to rest."""
 
-from collections.abc import Callable, MutableMapping, Sequence
+from collections.abc import Callable, MutableMapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import chain
@@ -73,19 +73,16 @@ class TrainingSet:
     actors: list[Actor] = field(default_factory=list[Actor])  # of whom the body is chosen; none if a recipe names it
 
     def lessons(self) -> Lessons:
-        """The normalised motions for a trainer."""
-        return Lessons(*self.normalised(), self.rate)
+        """The normalised motions for a trainer, each made when it is asked for."""
+        variants = [variant.frames for loops in self.variants.values() for variant in loops]
+        every = chain(self.frames.values(), self.before.values(), variants)
+        normalisation = Normalisation.fit([np.array([one.min(0), one.max(0)]) for one in every], self.least_range)
+        motions = MotionsOnDemand(list(self.frames), partial(self._motion, normalisation))
+        return Lessons(motions, normalisation, self.rate)
 
     def judge(self, *, holds: bool) -> Judge:
         """Judges runs by the training frames; `holds`, if one-shots were taught to hold their end."""
         return Judge(self.encoding, self.frames, self.loops, self.rate, holds=holds)
-
-    def normalised(self) -> tuple[Sequence[TrainingMotion], Normalisation]:
-        """The normalised training motions, each made when it is asked for, and the normalisation."""
-        variants = [variant.frames for loops in self.variants.values() for variant in loops]
-        every = chain(self.frames.values(), self.before.values(), variants)
-        normalisation = Normalisation.fit([np.array([one.min(0), one.max(0)]) for one in every], self.least_range)
-        return MotionsOnDemand(list(self.frames), partial(self._motion, normalisation)), normalisation
 
     def _motion(self, normalisation: Normalisation, name: str) -> TrainingMotion:
         return TrainingMotion(

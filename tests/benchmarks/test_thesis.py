@@ -57,16 +57,16 @@ def test_recordings_are_taken_as_they_are(mocap_data):
     syllabus = prepare(recipe, mocap_data)
     assert {name: len(part) for name, part in syllabus.before.items()} == dict.fromkeys(syllabus.frames, 50)
     assert len(syllabus.frames["waltz"]) == 850
-    lessons, normalisation = syllabus.normalised()
-    everything = np.concatenate([np.concatenate([lesson.before, lesson.frames]) for lesson in lessons])
-    varies = normalisation.scaling > 0.0
+    lessons = syllabus.lessons()
+    everything = np.concatenate([np.concatenate([lesson.before, lesson.frames]) for lesson in lessons.motions])
+    varies = lessons.normalisation.scaling > 0.0
     assert np.allclose(everything.min(0)[varies], -1.0)
     assert np.allclose(everything.max(0)[varies], 1.0)
 
 
 def test_the_noise_of_two_channels_is_blown_up_and_nothing_else_changed(mocap_data):
     recipe = paper("conceptor-4.1")
-    lessons, _ = prepare(recipe, mocap_data).normalised()
+    lessons = prepare(recipe, mocap_data).lessons().motions
     targets = noisy_targets(lessons, [mocap_data / motion.file for motion in recipe.motions])
     rest = np.setdiff1d(np.arange(61), NOISE_CHANNELS)
     for lesson, target in zip(lessons, targets, strict=True):

@@ -211,11 +211,7 @@ class _Projection:
     """log J over (log frequency, phase, places, log sharpness), with its gradient."""
 
     def __init__(self, start: LearnedSatellites, target: Array, time: Array, move: bool, read_out: ReadOut) -> None:
-        self.read_out = read_out
-        self.frequency, self.phase = start.frequency, start.phase
-        self.shape = start.satellites.places.shape
-        self.target, self.time, self.move = target, time, move
-        self.size = float(np.square(target).sum())
+        self.start, self.target, self.time, self.move, self.read_out = start, target, time, move, read_out
         self.states = pairs_at(start.frequency, start.phase, time)
 
     def pack(self, learned: LearnedSatellites) -> Array:
@@ -225,18 +221,18 @@ class _Projection:
         return np.concatenate(parts)
 
     def split(self, x: Array) -> tuple[GaussianSatellites, Array, Array]:
-        m, d = self.shape
+        m, d = self.start.satellites.places.shape
         satellites = GaussianSatellites(x[: m * d].reshape(m, d), np.exp(x[m * d : m * d + m]))
         if not self.move:
-            return satellites, self.frequency, self.phase
+            return satellites, self.start.frequency, self.start.phase
         n = d // 2
         return satellites, np.exp(x[-2 * n : -n]), x[-n:]
 
     def bounds(self) -> list[tuple[float, float]]:
-        m, d = self.shape
+        m, d = self.start.satellites.places.shape
         bounds = [(-4.0, 4.0)] * (m * d) + [(np.log(LEAST_SHARPNESS), np.log(GREATEST_SHARPNESS))] * m
         if self.move:
-            bounds += [(np.log(f) - 1.0, np.log(f) + 1.0) for f in self.frequency]
+            bounds += [(np.log(f) - 1.0, np.log(f) + 1.0) for f in self.start.frequency]
             bounds += [(-20.0, 20.0)] * (d // 2)
         return bounds
 
@@ -245,7 +241,8 @@ class _Projection:
         learned = LearnedSatellites(frequency, phase, satellites, 0.0)
         response = learned.respond(self.time)
         left = self.target - response @ self.read_out(response, self.target).T
-        return LearnedSatellites(frequency, phase, satellites, float(np.square(left).sum()) / self.size)
+        error = float(np.square(left).sum() / np.square(self.target).sum())
+        return LearnedSatellites(frequency, phase, satellites, error)
 
     def loss(self, x: Array) -> tuple[float, Array]:
         satellites, frequency, phase = self.split(x)

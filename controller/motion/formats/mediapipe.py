@@ -16,10 +16,10 @@ import numpy as np
 from controller.motion.clip import AS_FOUND, FARTHEST, MOST_NUMBERS, Format, Markers, ReadingOptions
 from controller.motion.formats.joint_arrays import MEDIAPIPE
 from controller.motion.formats.markers.joint_points import turned_over
-from controller.motion.formats.tables import even_times, first_row, is_row, separator_of, words_of
+from controller.motion.formats.tables import even_times, first_row, is_row, numbers_or_gaps, separator_of, words_of
 from controller.motion.rotations import Array
 from motiondeck_base.errors import FileFormatError
-from motiondeck_base.files import Line, as_float, no_number, read_lines, shortened
+from motiondeck_base.files import Line, read_lines, shortened
 
 _TIMES = ("time", "t", "timestamp", "seconds", "sec")  # besides, with an s or ms at the end
 _LANDMARK = ("landmark", "lm", "landmarkid", "lmid", "landmarkname", "landmarkindex", "lmindex")
@@ -121,12 +121,7 @@ def _long(heads: list[str], rows: list[Line], time: Array) -> tuple[Array, list[
 
 
 def _numbers(row: Line, columns: list[int]) -> list[float]:
-    words = [row.words[column] for column in columns]
-    values = [np.nan if word.lower() in ("", "none") else as_float(word) for word in words]
-    for word, value in zip(words, values, strict=True):
-        if value is None or abs(value) > FARTHEST:
-            raise row.error(no_number(word))
-    return [value for value in values if value is not None]
+    return numbers_or_gaps(row, [row.words[column] for column in columns], FARTHEST)
 
 
 def _check_world(path: str | Path, position: Array) -> None:

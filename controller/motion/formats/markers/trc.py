@@ -11,16 +11,14 @@ Columns are separated by tabs; those of an unseen marker are empty (OpenSim docu
 exporters put spaces into line 1 and several tabs between the values of line 3.
 """
 
-import math
 from pathlib import Path
 
 import numpy as np
 
 from controller.motion.clip import AS_FOUND, FARTHEST, MOST_NUMBERS, UNITS, Format, Markers, ReadingOptions
+from controller.motion.formats.tables import numbers_or_gaps
 from motiondeck_base.errors import FileFormatError
-from motiondeck_base.files import Line, as_float, listed, no_number, read_lines, shortened
-
-UNSEEN = {"", "nan", "-nan", "none"}
+from motiondeck_base.files import Line, as_float, listed, read_lines, shortened
 
 
 def read_trc(path: str | Path, options: ReadingOptions = AS_FOUND) -> Markers:
@@ -68,17 +66,10 @@ def read_trc(path: str | Path, options: ReadingOptions = AS_FOUND) -> Markers:
 
 def _row(line: Line, count: int) -> list[float]:
     """The numbers of a frame after its number and time, NaN for empty ones; lines may end before the last gaps."""
-    words = [word.strip() for word in line.words[2:]]
+    words = line.words[2:]
     if len(words) > count:
         raise line.error(f"{len(words)} numbers, but the markers have {count}.")
-    words += [""] * (count - len(words))
-    numbers: list[float] = []
-    for word in words:
-        value = math.nan if word.lower() in UNSEEN else as_float(word)
-        if value is None:
-            raise line.error(no_number(word))
-        numbers.append(value)
-    return numbers
+    return numbers_or_gaps(line, [*words, *[""] * (count - len(words))])
 
 
 FORMAT = Format(suffixes=(".trc",), read=read_trc, magic=b"PathFileType")
