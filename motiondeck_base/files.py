@@ -42,6 +42,16 @@ class Line:
             raise self.error(no_number(word))
         return value
 
+    def numbers_or_gaps(self, words: Iterable[str], largest: float = math.inf) -> list[float]:
+        """Words of this line as numbers <= `largest`, NaN for "" and "none"; FileFormatError if one is neither."""
+        found: list[float] = []
+        for word in map(str.strip, words):
+            value = math.nan if word.lower() in ("", "none") else as_float(word)
+            if value is None or abs(value) > largest:
+                raise self.error(no_number(word))
+            found.append(value)
+        return found
+
 
 def no_number(word: str) -> str:
     """What is wrong with a word that is no finite number, and what to do."""

@@ -16,7 +16,7 @@ import numpy as np
 from controller.motion.clip import AS_FOUND, FARTHEST, MOST_NUMBERS, Format, Markers, ReadingOptions
 from controller.motion.formats.joint_arrays import MEDIAPIPE
 from controller.motion.formats.markers.joint_points import turned_over
-from controller.motion.formats.tables import even_times, first_row, is_row, numbers_or_gaps, separator_of, words_of
+from controller.motion.formats.tables import even_times, first_row, is_row, separator_of, words_of
 from controller.motion.rotations import Array
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.files import Line, read_lines, shortened
@@ -121,7 +121,7 @@ def _long(heads: list[str], rows: list[Line], time: Array) -> tuple[Array, list[
 
 
 def _numbers(row: Line, columns: list[int]) -> list[float]:
-    return numbers_or_gaps(row, [row.words[column] for column in columns], FARTHEST)
+    return row.numbers_or_gaps((row.words[column] for column in columns), FARTHEST)
 
 
 def _check_world(path: str | Path, position: Array) -> None:

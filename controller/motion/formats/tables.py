@@ -82,17 +82,6 @@ def _numbers_of(line: Line, count: int, largest: float) -> list[float]:
     return numbers
 
 
-def numbers_or_gaps(line: Line, words: list[str], largest: float = math.inf) -> list[float]:
-    """Words of a line as numbers <= `largest`, NaN where one is empty or "none"; FileFormatError for any other."""
-    found: list[float] = []
-    for word in map(str.strip, words):
-        value = math.nan if word.lower() in ("", "none") else as_float(word)
-        if value is None or abs(value) > largest:
-            raise line.error(no_number(word))
-        found.append(value)
-    return found
-
-
 def even_times(time: Array, position: Array, lines: list[Line]) -> tuple[float, Array]:
     """The rate, Hz, and positions (T, ...) at even times, interpolated linearly where frames are late or missing."""
     if len(time) == 1 and np.isfinite(time[0]):

@@ -16,7 +16,6 @@ from pathlib import Path
 import numpy as np
 
 from controller.motion.clip import AS_FOUND, FARTHEST, MOST_NUMBERS, UNITS, Format, Markers, ReadingOptions
-from controller.motion.formats.tables import numbers_or_gaps
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.files import Line, as_float, listed, read_lines, shortened
 
@@ -69,7 +68,7 @@ def _row(line: Line, count: int) -> list[float]:
     words = line.words[2:]
     if len(words) > count:
         raise line.error(f"{len(words)} numbers, but the markers have {count}.")
-    return numbers_or_gaps(line, [*words, *[""] * (count - len(words))])
+    return line.numbers_or_gaps([*words, *[""] * (count - len(words))])
 
 
 FORMAT = Format(suffixes=(".trc",), read=read_trc, magic=b"PathFileType")
