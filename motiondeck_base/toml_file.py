@@ -4,6 +4,7 @@ Errors name the file, the line, each wrong key and what is allowed there.
 """
 
 import json
+import math
 import re
 import tomllib
 from bisect import bisect_left
@@ -16,15 +17,15 @@ from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
 import msgspec
 
 from motiondeck_base.errors import FileFormatError
-from motiondeck_base.file_numbers import LARGEST, SMALLEST, impossible_numbers, key_path
 from motiondeck_base.mistaken_files import what_it_is
 from motiondeck_base.near_names import near_names
 
 T = TypeVar("T")
 Keys = tuple[str | int, ...]
 """The keys, and the indices from 0, that lead to a value."""
+_LARGEST, _SMALLEST = 1e15, 1e-12  # numbers that calculations can hold
 _ENDLESS = re.compile(r"[\d_]{4301}")
-_ENDS = ("", "]", "]]", "]}", "]}]", '"""', "'''")  # what may close the first lines of a TOML text
+_ENDS = ("", "]", "]]", "]]]", "]}", "]}]", '"""', "'''")  # what may close the first lines of a TOML text
 _KINDS = {
     "str": "text",
     "int": "a whole number",
@@ -43,7 +44,7 @@ def read_toml(path: Path, shape: type[T]) -> T:
     expected type.
     """
     text, tree = parse_toml(path)
-    return shaped(tree, shape, str(path), SMALLEST, text)
+    return shaped(tree, shape, str(path), _SMALLEST, text)
 
 
 def parse_toml(path: Path) -> tuple[str, dict[str, Any]]:
@@ -63,7 +64,7 @@ def parse_toml(path: Path) -> tuple[str, dict[str, Any]]:
         raise FileFormatError(f"{path}: not valid TOML: {error}") from None
     except ValueError:  # Python reads no whole number of more than 4300 digits
         line = next((number for number, line in enumerate(text.splitlines(), 1) if _ENDLESS.search(line)), 1)
-        raise FileFormatError(f"{path} line {line}: the number is too long; numbers go up to {LARGEST:g}") from None
+        raise FileFormatError(f"{path} line {line}: the number is too long; numbers go up to {_LARGEST:g}") from None
     except RecursionError:
         raise FileFormatError(f"{path}: lists or tables stand too deep in each other; take brackets away") from None
 
@@ -71,10 +72,10 @@ def parse_toml(path: Path) -> tuple[str, dict[str, Any]]:
 def shaped(tree: object, shape: type[T], place: str, smallest: float = 0.0, text: str = "") -> T:
     """A tree of plain values as a msgspec structure; `place` is what errors call the tree.
 
-    Numbers that are not finite, too large, or below `smallest` in size are refused, see `file_numbers`. FileFormatError
-    if the tree does not fit; one line per problem, with its line in `text`, the TOML text of the tree, if given.
+    Numbers that are not finite, too large, or below `smallest` in size are refused. FileFormatError if the tree does
+    not fit; one line per problem, with its line in `text`, the TOML text of the tree, if given.
     """
-    problems = [(keys, f"{key_path(keys)} {problem}") for keys, problem in impossible_numbers(tree, smallest)]
+    problems = list(_impossible_numbers(tree, smallest, ()))
     try:
         if not problems:
             return msgspec.convert(tree, shape, strict=True)
@@ -84,11 +85,32 @@ def shaped(tree: object, shape: type[T], place: str, smallest: float = 0.0, text
     raise FileFormatError("\n".join(f"{place}{lines.naming(keys)}: {problem}" for keys, problem in problems))
 
 
+def _impossible_numbers(tree: object, smallest: float, place: Keys) -> Iterator[tuple[Keys, str]]:
+    """The numbers of plain values that are not finite, beyond _LARGEST, or not 0 but nearer to it than `smallest`."""
+    if isinstance(tree, dict):
+        for key, part in tree.items():
+            yield from _impossible_numbers(part, smallest, (*place, str(key)))
+    elif isinstance(tree, list):
+        for index, part in enumerate(tree):
+            yield from _impossible_numbers(part, smallest, (*place, index))
+    elif isinstance(tree, int | float) and not isinstance(tree, bool):
+        size = abs(tree)
+        if isinstance(size, float) and not math.isfinite(size):
+            yield place, f"{_path(place)} is {tree}; it must be a finite number"
+        elif size > _LARGEST:
+            # Of a whole number only the length: Python writes no more than 4300 digits.
+            digits = 1 + int(math.log10(2.0) * (size.bit_length() - 1)) if isinstance(size, int) else 0
+            shown = f"a number of about {digits} digits" if digits else f"{tree:g}"
+            yield place, f"{_path(place)} is {shown}; numbers go from {-_LARGEST:g} to {_LARGEST:g}"
+        elif 0.0 < size < smallest:
+            yield place, f"{_path(place)} is {tree:g}; give 0, or {smallest:g} or more"
+
+
 class _Lines:
     """Where values stand in a TOML text: found in what its first lines alone say."""
 
     def __init__(self, text: str) -> None:
-        self._lines = text.splitlines(keepends=True)
+        self._lines = text.split("\n")
         self._trees: dict[int, Any] = {0: {}}
 
     def naming(self, keys: Keys) -> str:
@@ -109,11 +131,13 @@ class _Lines:
 
     def _tree(self, count: int) -> Any:
         """The contents of the first lines, with what they leave open closed; of fewer where that fails."""
-        for end in _ENDS:
-            if count not in self._trees:
+        while count not in self._trees:
+            for end in _ENDS:
                 with suppress(tomllib.TOMLDecodeError):
-                    self._trees[count] = tomllib.loads("".join(self._lines[:count]) + end)
-        return self._trees[count] if count in self._trees else self._tree(count - 1)
+                    self._trees[count] = tomllib.loads("\n".join([*self._lines[:count], end]))
+                    return self._trees[count]
+            count -= 1
+        return self._trees[count]
 
 
 def _problems(tree: object, shape: Any, where: Keys) -> list[tuple[Keys, str]]:
@@ -135,7 +159,7 @@ def _problems(tree: object, shape: Any, where: Keys) -> list[tuple[Keys, str]]:
     # A problem of the whole: a wrong type, a value out of range, or what the structure itself checks.
     words = in_file_words(message)
     own = words == message and where
-    return [((*where, *_meant(message)), f"{key_path(where)}: {words}" if own else f"{words}{_at(where)}")]
+    return [((*where, *_meant(message)), f"{_path(where)}: {words}" if own else f"{words}{_at(where)}")]
 
 
 def _meant(message: str) -> Keys:
@@ -225,8 +249,13 @@ def _is_struct(shape: Any) -> bool:
     return isinstance(shape, type) and issubclass(shape, msgspec.Struct)
 
 
+def _path(place: Keys) -> str:
+    """The keys as one word, such as "joints.1.zero"; indices are counted from 1."""
+    return ".".join(str(key + 1) if isinstance(key, int) else key for key in place)
+
+
 def _at(where: Keys) -> str:
-    return f" in [{key_path(where)}]" if where else ""
+    return f" in [{_path(where)}]" if where else ""
 
 
 def toml_value(value: object) -> str:
