@@ -109,6 +109,10 @@ class StoredArrays:
             raise FileFormatError(f"{self.path}: array '{name}' holds a number that is not finite")
         return array
 
+    def leave_out(self, at: str) -> None:
+        """Drops the arrays whose names begin so: an older Motiondeck stored them, and nothing needs them now."""
+        self._arrays = {name: array for name, array in self._arrays.items() if not name.startswith(at)}
+
     def finish(self) -> None:
         """Checks that nothing is left over."""
         if self._arrays:

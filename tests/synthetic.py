@@ -42,6 +42,7 @@ def small_skeleton():
     return Skeleton("small", names, np.array(parents), np.array(directions, dtype=float), np.array(lengths))
 
 
+SMALL_SHARED = {"neurons": 300, "rank": 30, "piece_seconds": 5.0}
 SMALL_PHASE = {"neurons": 200, "rank": 30}
 
 
@@ -156,7 +157,7 @@ def small_phase_echo_state(seed=0, **recipe):
 @learned_once
 def small_shared_conceptor(**recipe):
     """The same motions in conceptors that share their weights."""
-    return trained(SharedConceptorRecipe(**({"neurons": 300, "rank": 30, "piece_seconds": 5.0} | recipe)))
+    return trained(SharedConceptorRecipe(**(SMALL_SHARED | recipe)))
 
 
 @learned_once

@@ -128,6 +128,4 @@ def _step_us(network: AnyNetwork) -> float:
 
 
 def _stored_bytes(network: AnyNetwork) -> int:
-    """What playing needs; what adding a motion needs besides is left out."""
-    arrays = network.arrays()
-    return sum(array.nbytes for name, array in arrays.items() if not name.startswith("memory/"))
+    return sum(array.nbytes for array in network.arrays().values())

@@ -1,7 +1,7 @@
 """Adds one motion to a library that has been trained, and leaves what is stored as it is.
 
-The new motion is learned from its clip alone: a conceptor network loads it into the free part of its reservoir
-(`reservoirs/incremental_loading.py`), an echo-state network gets one more readout, a centralized one one more motion.
+The new motion is learned from its clip alone: a network whose motions share their reservoir gets one more conceptor or
+readout, a centralized one one more motion.
 It then has to pass the self-test beside the stored ones, which are judged by what they play.
 """
 
@@ -30,8 +30,6 @@ class Addition:
 
     library: MotionLibrary
     part: LearnedPart  # the part of the recording that was learned
-    quota_before: float | None  # share of the reservoir that the stored motions use; None where nothing is shared
-    quota: float | None  # the same with the new motion
 
     @property
     def motion(self) -> MotionInfo:
@@ -71,8 +69,6 @@ def add_motion(library: MotionLibrary, path: Path, clip: Clip, motion: MotionRec
     )
     with threadpool_limits(1):
         grown = trainer.add(recipe.network, network, new)
-        longer = lengths | {motion.name: len(frames)}
-        quotas = trainer.quota(recipe.network, network, lengths), trainer.quota(recipe.network, grown, longer)
         loops = {known.name: known.plays == "loop" for known in info.motions} | {motion.name: motion.plays == "loop"}
         played = {name: run_free(network.twin(), name, length) for name, length in lengths.items()}
         judge = Judge(library.encoding, played | {motion.name: frames}, loops, info.rate)
@@ -89,4 +85,4 @@ def add_motion(library: MotionLibrary, path: Path, clip: Clip, motion: MotionRec
     )
     recorded = recorded_part(own, part.first, part.end, loop=motion.plays == "loop", body=part.body)
     added = judged(MotionLibrary(header, grown, library.encoding), {motion.name: lambda: recorded})
-    return Addition(added, part, *quotas)
+    return Addition(added, part)

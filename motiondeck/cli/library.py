@@ -224,17 +224,12 @@ def add(
         save_library(found.library, target)
     if as_json:
         written = str(target) if passed or allow_failing else None
-        added = {"written": written, "quota": found.quota, "learned_from": part_fields(found.part)}
+        added = {"written": written, "learned_from": part_fields(found.part)}
         print(json.dumps(report(found.library) | added))
     else:
         print_table(found.library)
         seam = f", seam {seam_of(found.part)}" if found.part.seam_mm is not None else ""
         print(f"{name}: {part_of(found.part)}{seam}")
-        if found.quota is not None and found.quota_before is not None:
-            share = found.quota - found.quota_before
-            print(
-                f"reservoir {found.quota:.1%} claimed, {share:.1%} of it by '{name}': {1.0 - found.quota:.1%} are left"
-            )
     if not passed and not allow_failing:
         raise MotiondeckError(
             f"'{name}' failed the self-test ({found.motion.reason}), so {target} was not written. "

@@ -20,7 +20,7 @@ from controller.motion.encodings.encoding import Encoding
 from controller.motion.encodings.motion_matching import joint_features
 from controller.motion.encodings.normalisation import Normalisation
 from controller.motion.rotations import Array
-from controller.networks.conceptor.network import ConceptorMotion, ConceptorNetwork, Memory
+from controller.networks.conceptor.network import ConceptorMotion, ConceptorNetwork
 from controller.networks.reservoirs.reservoir import Reservoir, drive, random_reservoir
 from controller.networks.ridge import ridge
 
@@ -54,7 +54,6 @@ class LoadedReservoir:
     readout: Array  # W_out, shape (C, N)
     before: list[Array]  # states before each frame of each motion, shape (T_j, N)
     states: list[Array]  # states after it
-    estimate: Array | None = None  # V, shape (C, N), or None if all of W was learned
 
 
 def draw_reservoir(recipe: ConceptorRecipe, channels: int, seed: int) -> Reservoir:
@@ -82,7 +81,7 @@ def load_reservoir(to_learn: Sequence[TrainingMotion], recipe: ConceptorRecipe, 
         return LoadedReservoir(reservoir, weights, readout, before, states)
     estimate = ridge(was, inputs, recipe.ridge)
     weights = reservoir.weights + reservoir.input_weights @ estimate
-    return LoadedReservoir(reservoir, weights, readout, before, states, estimate)
+    return LoadedReservoir(reservoir, weights, readout, before, states)
 
 
 def input_targets(reservoir: Reservoir, before: Array, inputs: Array) -> Array:
@@ -96,11 +95,7 @@ def conceptor_network(loaded: LoadedReservoir, lessons: Lessons, recipe: Concept
     for motion, states in zip(lessons.motions, loaded.states, strict=True):
         aperture = recipe.apertures.get(motion.name, recipe.aperture)
         motions[motion.name] = conceptor_motion(states, loaded, normalisation, recipe, aperture)
-    if loaded.estimate is None:
-        return ConceptorNetwork(motions)
-    means = np.stack([mean_state(states, recipe) for states in loaded.states])
-    estimate, readout, means = (a.astype(np.float32) for a in (loaded.estimate, loaded.readout, means))
-    return ConceptorNetwork(motions, Memory(estimate, readout, means, normalisation))
+    return ConceptorNetwork(motions)
 
 
 def mean_state(states: Array, recipe: ConceptorRecipe) -> Array:

@@ -1,6 +1,6 @@
 """Trains conceptor networks."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -10,12 +10,10 @@ from controller.learning.reservoirs.aperture_choice import settled_network
 from controller.learning.reservoirs.conceptor_training import (
     ConceptorRecipe,
     conceptor_network,
-    cut_to_tolerance,
     input_targets,
     load_reservoir,
 )
-from controller.learning.reservoirs.incremental_loading import load_one_more, memory_of, quota
-from controller.learning.trainers.trainer import NewMotion, SettledNetwork, Trainer, TrainingError, mabs, nrmse
+from controller.learning.trainers.trainer import SettledNetwork, Trainer, TrainingError, mabs, nrmse
 from controller.motion.rotations import Array
 from controller.networks.conceptor.network import ConceptorNetwork
 from controller.networks.ridge import ridge
@@ -43,22 +41,11 @@ class ConceptorTrainer(Trainer[ConceptorRecipe]):
         chosen = settled_network(loaded, lessons, recipe, judge, seed)
         return SettledNetwork(*chosen, loaded.weights.astype(np.float32))
 
-    def quota(self, recipe: ConceptorRecipe, network: ConceptorNetwork, lengths: dict[str, int]) -> float:
-        return quota(network, lengths, recipe)
-
-    def add(self, recipe: ConceptorRecipe, network: ConceptorNetwork, motion: NewMotion) -> ConceptorNetwork:
-        to_load = motion.scaled(memory_of(network).normalisation)
-        grown = load_one_more(network, motion.lengths, to_load, recipe, motion.seed)
-        if recipe.rank_tolerance_mm is not None:
-            # The stored motions were cut when they were learned.
-            grown = cut_to_tolerance(grown, motion.encoding, recipe.rank_tolerance_mm, (motion.name,))
-        return grown
-
     def training_error(
         self,
         recipe: ConceptorRecipe,
         lessons: Lessons,
-        frames: dict[str, Array],
+        frames: Mapping[str, Array],
         seed: int,
         judge: Judge,
         readout_targets: Sequence[Array] | None = None,

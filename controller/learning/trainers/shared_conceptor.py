@@ -7,15 +7,17 @@ with the neurons and not with the motions.
 """
 
 from collections.abc import Iterator, Sequence
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
 from controller.learning.preparation.training_motion import Lessons, TrainingMotion
 from controller.learning.trainers.phase_conceptor import PhaseRecipe, conceptor_of, piece_lessons
 from controller.learning.trainers.phase_driven import PhaseDrivenTrainer, course_of, learn_readouts, settled_lesson
+from controller.learning.trainers.trainer import NewMotion
 from controller.motion.encodings.normalisation import Normalisation
 from controller.motion.rotations import Array
+from controller.networks.base import AnyNetwork
 from controller.networks.phase_conceptor.network import Float16, PhaseConceptorMotion
 from controller.networks.reservoirs.phase_reservoir import Float32, PhaseCourse, PhaseReservoir
 from controller.networks.shared_conceptor.network import Selection, SharedConceptorMotion, SharedConceptorNetwork
@@ -74,21 +76,41 @@ class SharedConceptorTrainer(PhaseDrivenTrainer[SharedConceptorRecipe]):
         scales = recipe.scales(driven=any(one.driving is not None for one in lessons.motions))
         reservoir = PhaseReservoir.draw(scales, channels, seed)
         sums = RidgeSums(recipe.neurons, channels)
-        parts: list[tuple[TrainingMotion, Selection, PhaseCourse]] = []
-        for motion in lessons.motions:
-            course = course_of(motion, recipe.piece_seconds * lessons.rate)
-            conceptors: list[tuple[Float16, Float32, Float16]] = []
-            for lesson in piece_lessons(motion, course, reservoir, lessons.rate):
-                sums.add(lesson.before, lesson.inputs)
-                conceptors.append(conceptor_of(lesson.states, recipe.rank, recipe.aperture))
-            parts.append((motion, Selection(*(np.stack(part) for part in zip(*conceptors, strict=True))), course))
+        selected = [_selected(motion, reservoir, recipe, lessons.rate, sums) for motion in lessons.motions]
         estimate = sums.solve(recipe.ridge)
         unread = [
             SharedConceptorMotion(selection, estimate, np.zeros_like(estimate), course, reservoir, motion.driving)
-            for motion, selection, course in parts
+            for motion, (selection, course) in zip(lessons.motions, selected, strict=True)
         ]
-        motions = dict(_read(unread, [motion for motion, _, _ in parts], recipe, lessons.normalisation))
+        motions = dict(_read(unread, lessons.motions, recipe, lessons.normalisation))
         return SharedConceptorNetwork(scales, seed, lessons.normalisation, motions)
+
+    def add(self, recipe: SharedConceptorRecipe, network: SharedConceptorNetwork, motion: NewMotion) -> AnyNetwork:
+        """One conceptor more, with a readout in its own directions; what the motions share stays as it is."""
+        if recipe.readout == "shared":
+            return super().add(recipe, network, motion)
+        known: Any = network[network.motions[0]]
+        one, reservoir = motion.scaled(network.normalisation), network.reservoir
+        selection, course = _selected(one, reservoir, recipe, motion.rate)
+        unread = SharedConceptorMotion(selection, known.estimate, np.zeros_like(known.estimate), course, reservoir)
+        return network.with_motions(dict(_read([unread], [one], recipe, network.normalisation)))
+
+
+def _selected(
+    motion: TrainingMotion,
+    reservoir: PhaseReservoir,
+    recipe: SharedConceptorRecipe,
+    rate: float,
+    sums: RidgeSums | None = None,
+) -> tuple[Selection, PhaseCourse]:
+    """The conceptors of a motion and its course, at a rate in Hz; what V is learned from goes into the sums."""
+    course = course_of(motion, recipe.piece_seconds * rate)
+    conceptors: list[tuple[Float16, Float32, Float16]] = []
+    for lesson in piece_lessons(motion, course, reservoir, rate):
+        if sums is not None:
+            sums.add(lesson.before, lesson.inputs)
+        conceptors.append(conceptor_of(lesson.states, recipe.rank, recipe.aperture))
+    return Selection(*(np.stack(part) for part in zip(*conceptors, strict=True))), course
 
 
 def _read(

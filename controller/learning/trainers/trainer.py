@@ -1,7 +1,7 @@
 """The interface of trainers, one for each kind of network, in a file here named as its folder in `networks`."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from importlib import import_module
@@ -138,10 +138,6 @@ class Trainer(ABC, Generic[Recipe]):
         """The network with the parameters that hold in trials, where the recipe chooses any."""
         return SettledNetwork(self.train(recipe, lessons, seed))
 
-    def quota(self, recipe: Recipe, network: Any, lengths: dict[str, int]) -> float | None:
-        """The share of the network's space that motions of these lengths use; None where no space is shared."""
-        return None
-
     def add(self, recipe: Recipe, network: Any, motion: NewMotion) -> AnyNetwork:
         """The network with one more motion; MotiondeckError if it cannot be added to."""
         raise MotiondeckError(
@@ -153,7 +149,7 @@ class Trainer(ABC, Generic[Recipe]):
         self,
         recipe: Recipe,
         lessons: Lessons,
-        frames: dict[str, Array],
+        frames: Mapping[str, Array],
         seed: int,
         judge: Judge,
         readout_targets: Sequence[Array] | None = None,

@@ -28,12 +28,10 @@ from dataclasses import dataclass
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
-from controller.motion.encodings.normalisation import Normalisation
 from controller.networks.base import AutonomousNetwork, Channels, Rows, lead_shape
 from controller.networks.reservoirs.reservoir_network import Float32, ReservoirNetwork, require_playing
-from controller.networks.storage import StoredNetwork, arrays_of
+from controller.networks.storage import StoredNetwork
 
 LARGEST_NOISE = 2.0  # beyond it |s + noise| > 1, which tanh never gives: |s| <= 1
 
@@ -51,27 +49,14 @@ class ConceptorMotion:
     states: Float32  # z at the anchors, shape (A, k)
 
 
-@dataclass(frozen=True)
-class Memory:
-    """What adding a motion needs, and playing does not: learned for all P motions of a reservoir of N neurons."""
-
-    estimate: Float32  # V, shape (C, N): which input the network expects by its state
-    readout: Float32  # W_out, shape (C, N)
-    means: Float32  # m of each motion, shape (P, N)
-    normalisation: Normalisation  # between the channels of both and the encoding's units
-
-
 class ConceptorNetwork(ReservoirNetwork[ConceptorMotion]):
     """Plays the motions of one reservoir frame by frame; fits `base.AutonomousNetwork`."""
 
     kind = "conceptor"
 
-    def __init__(
-        self, motions: dict[str, ConceptorMotion], memory: Memory | None = None, runs: tuple[int, ...] = ()
-    ) -> None:
+    def __init__(self, motions: dict[str, ConceptorMotion], runs: tuple[int, ...] = ()) -> None:
         first = next(iter(motions.values()))
         super().__init__(motions, len(first.bias), len(first.rest), runs)
-        self.memory = memory
         # Twice the length of the longest stored state, squared: undisturbed playing stays below it.
         self._reach = {name: 4.0 * float(np.square(part.states).sum(1).max()) for name, part in motions.items()}
         self._push: Float32 | None = None  # within tanh in the next step
@@ -79,7 +64,7 @@ class ConceptorNetwork(ReservoirNetwork[ConceptorMotion]):
         self.cue(self.motions[0], 0)
 
     def with_motions(self, more: dict[str, ConceptorMotion], runs: int | None = None) -> ConceptorNetwork:
-        return ConceptorNetwork(self._of | more, self.memory, lead_shape(runs))
+        return ConceptorNetwork(self._of | more, lead_shape(runs))
 
     @property
     def as_autonomous(self) -> AutonomousNetwork:
@@ -146,13 +131,6 @@ class ConceptorNetwork(ReservoirNetwork[ConceptorMotion]):
     def morph(self, source: str, target: str) -> _ConceptorMorph:
         return _ConceptorMorph(self, source, target)
 
-    def arrays(self) -> dict[str, NDArray[Any]]:
-        found = super().arrays()
-        if (memory := self.memory) is not None:
-            found |= {f"memory/{name}": getattr(memory, name) for name in ("estimate", "readout", "means")}
-            found |= arrays_of(memory.normalisation, "memory/")
-        return found
-
     @classmethod
     def load(cls, stored: StoredNetwork) -> Self:
         """The network that a file holds; all motions have one size of the reservoir."""
@@ -168,11 +146,8 @@ class ConceptorNetwork(ReservoirNetwork[ConceptorMotion]):
             neurons.add(sizes["n"])
         if len(neurons) > 1:
             raise stored.error(f"motions of different reservoir sizes {sorted(neurons)}")
-        if "memory/estimate" not in stored.stored:
-            return cls(motions)
-        sizes = {"n": neurons.pop(), "c": stored.channels, "p": len(motions)}
-        found = stored.read("memory/", sizes, estimate="cn", readout="cn", means="pn")
-        return cls(motions, Memory(**found, normalisation=stored.normalisation("memory/")))
+        stored.stored.leave_out("memory/")  # what adding a motion needed, of libraries up to November 2026
+        return cls(motions)
 
 
 class _ConceptorMorph:

@@ -12,20 +12,17 @@ from bodies import waving
 from controller.learning.adding import add_motion
 from controller.learning.fit import fit_prepared
 from controller.learning.measures.self_test import run_free
-from controller.learning.preparation.training_motion import Lessons, TrainingMotion
 from controller.learning.recipe import LibraryRecipe, MotionRecipe
-from controller.learning.reservoirs.conceptor_training import conceptor_network, load_reservoir
-from controller.learning.reservoirs.incremental_loading import load_one_more, quota
 from controller.learning.trainers.centralized import CentralizedRecipe
 from controller.learning.trainers.echo_state import EchoStateRecipe
 from controller.learning.trainers.phase_conceptor import PhaseRecipe
 from controller.learning.trainers.phase_echo_state import PhaseEchoStateRecipe
+from controller.learning.trainers.shared_conceptor import SharedConceptorRecipe
 from controller.learning.training_set import prepare
 from controller.library.motion_library import MotionLibrary, load_library, save_library
 from controller.motion.canonical.clip_edits import mirrored
 from controller.motion.clip import Clip
 from controller.motion.rotations import multiply
-from controller.networks.conceptor.network import ConceptorNetwork
 from motiondeck_base.errors import MotiondeckError
 
 FILE = Path("small.safetensors")
@@ -66,6 +63,7 @@ def described(network_recipe, network):
         "CentralizedRecipe": "centralized",
         "PhaseRecipe": "phase-conceptor",
         "PhaseEchoStateRecipe": "phase-echo-state",
+        "SharedConceptorRecipe": "shared-conceptor",
     }
     motions = [
         MotionRecipe(name=name, file=f"{name}.bvh", plays="once" if name == "bow" else "loop") for name in LENGTHS
@@ -110,9 +108,15 @@ def phase_echo_state_library():
     return replace(library, info=msgspec.structs.replace(library.info, scales=network.scales))
 
 
+def shared_library(**recipe):
+    network = synthetic.small_shared_conceptor(**recipe)
+    library = described(SharedConceptorRecipe(**synthetic.SMALL_SHARED, **recipe), network)
+    return replace(library, info=msgspec.structs.replace(library.info, scales=network.scales))
+
+
 @pytest.fixture(scope="module")
 def library():
-    return conceptor_library()
+    return phase_library()
 
 
 NEW = MotionRecipe(name="skip", file="skip.bvh")
@@ -145,7 +149,7 @@ def test_a_network_without_a_scale_for_it_refuses_the_motion():
 
 @pytest.mark.thorough
 @pytest.mark.parametrize(
-    "make", [conceptor_library, phase_library, phase_echo_state_library, echo_state_library, centralized_library]
+    "make", [shared_library, phase_library, phase_echo_state_library, echo_state_library, centralized_library]
 )
 def test_a_motion_is_added_and_nothing_else_changes(make, tmp_path):
     save_library(make(), tmp_path / "small.safetensors")
@@ -169,43 +173,6 @@ def test_a_second_addition_builds_on_the_first(library):
     once = add_motion(library, FILE, clip_of(np.tile(skip(), (2, 1))), NEW).library
     twice = add_motion(once, FILE, clip_of(np.tile(skip(90), (2, 1))), msgspec.structs.replace(NEW, name="quick-skip"))
     assert twice.library.network.motions[-2:] == ("skip", "quick-skip")
-    assert twice.quota_before is not None
-    assert twice.quota is not None
-    assert 0.0 < twice.quota_before < twice.quota < 1.0
-
-
-def test_loading_one_more_is_as_good_as_learning_all_together():
-    lessons, normalisation = synthetic.lessons()
-    new = TrainingMotion("skip", normalisation.apply(skip()), True)
-    plan = synthetic.SMALL_RECIPE
-    grown = load_one_more(synthetic.small_network(), LENGTHS, new, plan, 0)
-    taught = Lessons([*lessons, new], normalisation, synthetic.RATE)
-    together = conceptor_network(load_reservoir(taught.motions, plan, 0), taught, plan)
-    # The weights of one and the other differ only in directions that no motion uses.
-    assert grown.memory is not None
-    assert together.memory is not None
-    for name in grown.motions:
-        project, expected = together[name].project.T, together.memory.readout @ together[name].project.T
-        assert np.abs(grown.memory.readout @ project - expected).max() < 0.02 * np.abs(expected).max()
-    assert quota(grown, LENGTHS | {"skip": 108}, plan) == pytest.approx(
-        quota(together, LENGTHS | {"skip": 108}, plan), rel=1e-3
-    )
-
-
-def test_the_quota_goes_by_the_aperture_that_each_motion_was_given():
-    given = msgspec.structs.replace(synthetic.SMALL_RECIPE, apertures={"march": 7.0, "bow": 50.0})
-    network = synthetic.small_network(recipe=given)
-    chosen = msgspec.structs.replace(given, apertures={}, choose_apertures=True)
-    assert quota(network, LENGTHS, chosen) == quota(network, LENGTHS, given)
-
-
-@pytest.mark.filterwarnings("error")
-def test_a_motion_that_stands_still_claims_its_mean_only():
-    network = synthetic.small_network()
-    still = replace(network["bow"], project=np.zeros_like(network["bow"].project))
-    motions = {name: network[name] for name in network.motions} | {"bow": still}
-    chosen = msgspec.structs.replace(synthetic.SMALL_RECIPE, choose_apertures=True)
-    assert 0.0 < quota(ConceptorNetwork(motions, network.memory), LENGTHS, chosen) < quota(network, LENGTHS, chosen)
 
 
 @pytest.mark.parametrize(
@@ -229,17 +196,7 @@ def test_another_rate_is_resampled(library):
     assert found.library.info.motions[-1].frames == pytest.approx(at_once.library.info.motions[-1].frames, abs=2)
 
 
-def test_networks_that_cannot_be_added_to_say_so(library):
-    clip = clip_of(skip())
-    lesson = TrainingMotion("skip", np.zeros((60, 28)), True)
-    plan = msgspec.structs.replace(synthetic.SMALL_RECIPE, learns="weights")
-    with pytest.raises(MotiondeckError, match="learned all of W"):
-        load_one_more(library.network, LENGTHS, lesson, plan, 0)
-    forgetful = replace(
-        library, network=type(library.network)({n: library.network[n] for n in library.network.motions})
-    )
-    with pytest.raises(MotiondeckError, match="train it again with learn"):
-        add_motion(forgetful, FILE, clip, NEW)
-    other_seed = replace(library, info=msgspec.structs.replace(library.info, seed=7))
-    with pytest.raises(MotiondeckError, match="cannot be drawn again"):
-        add_motion(other_seed, FILE, clip, NEW)
+@pytest.mark.parametrize("make", [conceptor_library, lambda: shared_library(readout="shared")])
+def test_networks_that_cannot_be_added_to_say_so(make):
+    with pytest.raises(MotiondeckError, match="learns all motions at once; name the clip in its recipe"):
+        add_motion(make(), FILE, clip_of(skip()), NEW)
