@@ -67,11 +67,10 @@ def single_replies(ids: Sequence[int], lengths: Sequence[int], statuses: Iterabl
         for status in statuses
         if status.id in expected and (status.error or len(status.params) == expected[status.id])
     }
-    missing = [index for index, id in enumerate(ids) if id not in heard]
     last = max((index for index, id in enumerate(ids) if id in heard), default=-1)
     # Silent are those with a servo behind them that was heard, and the first behind the last that was.
-    silent = [index for index in missing if index <= last + 1]
-    return GroupReply(heard, [], [ids[index] for index in silent], [ids[i] for i in missing if i > last + 1])
+    silent = [id for id in ids[: last + 2] if id not in heard]
+    return GroupReply(heard, [], silent, list(ids[last + 2 :]))
 
 
 def in_order(

@@ -69,14 +69,11 @@ def _make_member(
     write_file(own / AUTHORITY, _pem(authority[0]), OWNERS)
     write_file(own / CERTIFICATE, _pem(certificate.sign(authority[1], hashes.SHA256())), OWNERS)
     write_file(own / KEY, _pem(key), OWNERS)
-    write_file(own / MEMBER_FILE, _member_file(show, name, members), OWNERS)
-    return own
-
-
-def _member_file(show: str, name: str, members: Mapping[str, str]) -> bytes:
-    """Names and addresses hold nothing that TOML would have to escape: `check_name`, `host_and_port`."""
+    # Names and addresses hold nothing that TOML would have to escape: `check_name`, `host_and_port`.
     lines = [f'show = "{show}"', f'name = "{name}"', "", "[members]"]
-    return "\n".join([*lines, *(f'{other} = "{address}"' for other, address in members.items()), ""]).encode()
+    lines += [f'{other} = "{address}"' for other, address in members.items()]
+    write_file(own / MEMBER_FILE, "\n".join([*lines, ""]).encode(), OWNERS)
+    return own
 
 
 def _authority(folder: Path, show: str) -> tuple[x509.Certificate, ec.EllipticCurvePrivateKey]:

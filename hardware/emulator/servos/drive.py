@@ -11,7 +11,7 @@ In steps of at most 2 ms, with e = path - shaft:
              and never beyond +- goal PWM
     settled  = u / full_pwm * no_load_speed * supply / nominal - load * no_load_speed
     speed   += (settled - speed) * (1 - exp(-dt / lag))
-    friction where the motor was identified (see `friction`): it brings the speed towards 0, never beyond
+    friction where the motor was identified (see `Friction`): it brings the speed towards 0, never beyond
     shaft   += speed * dt
     current  = u / full_pwm * supply / nominal - speed / no_load_speed    of the stall current
     temperature  += (warming * current^2 - (temperature - room) / cooling) * dt
@@ -22,12 +22,12 @@ effect; warming and cooling are estimates, and lag where no motor was identified
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hardware.emulator.servos.friction import Friction, friction_of
+from hardware.families.facts import IdentifiedMotor
 from hardware.families.models import IDENTIFIED, TRAITS
 
 CURRENT, VELOCITY, PWM = 0, 1, 16
@@ -43,6 +43,45 @@ _WARMING = 1.5  # K/s at stall current; an estimate
 _COOLING = 240.0  # s, the time constant towards the room's temperature; an estimate
 
 Array = NDArray[np.float64]
+
+
+class Friction(IdentifiedMotor):
+    """The friction of a motor: Coulomb and viscous, with the Stribeck effect and the load on the gears (BAM, model M6).
+
+    Duclusaud, Passault et al., "Extended friction models for the physics simulation of servo actuators" (2024), with
+    motor torque m, external torque e and speed v; s is 1 at rest and 0 in motion:
+
+        s  = exp(-|v / slow| ^ alpha)
+        f  = base + |external e - motor m| + viscous |v|
+             + s (stribeck + |external_stribeck e - motor_stribeck m|)
+             + s quad,  if m and e point to different sides: external_quad e^2 if |e| < |m|, motor_quad m^2 if |e| > |m|
+
+    Torques are parts of the stall torque, speeds of the no-load speed. Friction brings a motor to rest, never beyond.
+    """
+
+    def most(self, motor: Array, external: Array, speed: Array) -> Array:
+        """The most that friction takes, as a part of the stall torque, shape (n,)."""
+        s = np.exp(-np.power(np.abs(speed) / self.slow, self.alpha))
+        m, e = np.abs(motor), np.abs(external)
+        quad = np.where(e < m, self.external_quad * e * e, self.motor_quad * m * m * (e > m))
+        still = self.stribeck + np.abs(self.external_stribeck * external - self.motor_stribeck * motor)
+        moving = self.base + np.abs(self.external * external - self.motor * motor) + self.viscous * np.abs(speed)
+        return moving + s * (still + quad * (np.sign(motor) != np.sign(external)))
+
+
+def friction_of(motor: IdentifiedMotor, voltage: float) -> Friction:
+    """The friction of a motor whose stall torque and no-load speed hold at this voltage."""
+    torque, speed = motor.torque_constant * voltage / motor.resistance, voltage / motor.torque_constant
+    scaled = replace(
+        motor,
+        base=motor.base / torque,
+        stribeck=motor.stribeck / torque,
+        motor_quad=motor.motor_quad * torque,
+        external_quad=motor.external_quad * torque,
+        slow=motor.slow / speed,
+        viscous=motor.viscous * speed / torque,
+    )
+    return Friction(*astuple(scaled))
 
 
 @dataclass(frozen=True, slots=True)

@@ -181,9 +181,7 @@ def _facts(row: Sequence[str], traits: Traits) -> _Facts:
         "velocity_limit": {"default": int(velocity)},
         "present_input_voltage": {"default": round(traits.voltage * 10)},
         "drive_mode": {"maximum": 15 if traits.series.follows else 13},
-        "external_port_mode_1": (port := {"maximum": 3, "default": 3}),
-        "external_port_mode_2": port,
-        "external_port_mode_3": port,
+        **{f"external_port_mode_{number}": {"maximum": 3, "default": 3} for number in (1, 2, 3)},
     }
     if current != "-":
         most = int(current)

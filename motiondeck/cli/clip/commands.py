@@ -294,21 +294,21 @@ def _fill_markers(file: Path, out: Path, as_json: bool) -> None:
 
 
 def _by_marker(markers: Markers, gaps: list[Gap]) -> list[dict[str, Any]]:
-    rows = []
-    for index in dict.fromkeys(gap.marker for gap in gaps):
-        own = [gap for gap in gaps if gap.marker == index]
-        rows.append(
-            {
-                "marker": markers.labels[index],
-                "gaps": len(own),
-                "frames": sum(gap.frames for gap in own),
-                "longest_s": max(gap.frames for gap in own) / markers.rate,
-                "expected_mm": _mean_mm(own),
-                "by": sorted({gap.by for gap in own if gap.by is not None}),
-                "open": [[gap.first, gap.end] for gap in own if not gap.filled],
-            }
-        )
-    return rows
+    by_marker: dict[int, list[Gap]] = {}
+    for gap in gaps:
+        by_marker.setdefault(gap.marker, []).append(gap)
+    return [
+        {
+            "marker": markers.labels[index],
+            "gaps": len(own),
+            "frames": sum(gap.frames for gap in own),
+            "longest_s": max(gap.frames for gap in own) / markers.rate,
+            "expected_mm": _mean_mm(own),
+            "by": sorted({gap.by for gap in own if gap.by is not None}),
+            "open": [[gap.first, gap.end] for gap in own if not gap.filled],
+        }
+        for index, own in by_marker.items()
+    ]
 
 
 def _mean_mm(gaps: list[Gap]) -> float | None:
