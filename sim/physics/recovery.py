@@ -132,11 +132,12 @@ class Recovery:
                     self._targets[:] = self._guard.targets
                     self._begin(Phase.RISES)
                     self._course = self._moves([(STRAIGHT * self._beat, self._robot.rest)])
-            case Phase.RISES if held:
+            case Phase.RISES if not held:
+                following = next(self._course, None)
+                if following is not None:
+                    self._targets[:] = following
                 self._robot.layout.place(self._targets, goal)
-            case Phase.RISES:
-                self._follow(goal)
-                if self._over and self._is_still(data):
+                if following is None and self._is_still(data):
                     self._go_on(data)
             case Phase.JOINS:
                 share = min(self.seconds / JOINS, 1.0)
@@ -145,7 +146,7 @@ class Recovery:
                 self._robot.layout.place(self._targets + share * (played - self._targets), goal)
                 if share == 1.0:
                     self._begin(Phase.PLAYS)
-            case Phase.LIES:
+            case Phase.RISES | Phase.LIES:
                 self._robot.layout.place(self._targets, goal)
 
     def _go_on(self, data: mujoco.MjData) -> None:
@@ -166,14 +167,7 @@ class Recovery:
             self._course = self._moves([*rows, (STANDS * self._beat, self._robot.rest)])
 
     def _begin(self, phase: Phase) -> None:
-        self.phase, self._ticks, self._still, self._looks, self._over = phase, 0, 0, 0, False
-
-    def _follow(self, goal: Array) -> None:
-        following = next(self._course, None)
-        self._over = following is None
-        if following is not None:
-            self._targets[:] = following
-        self._robot.layout.place(self._targets, goal)
+        self.phase, self._ticks, self._still, self._looks = phase, 0, 0, 0
 
     def _moves(self, postures: Sequence[tuple[float, Array]]) -> Iterator[Array]:
         """The joints (J,), tick by tick, from the present ones to one posture after another, each with its seconds."""

@@ -34,8 +34,8 @@ def segment_angles(robot: Robot, directions: LimbDirections, carried: Carried, r
         for segment, off in zip(directions.segments, degrees.T, strict=True)
     }
     goals = directions.goals(carried.limbs, carried.qpos)
-    for limb in limb_causes(robot, directions, carried.wanted, carried.played, goals, rate):
-        found |= {name: replace(found[name], cause=limb.cause, best=best) for name, best in limb.best.items()}
+    for cause, best in limb_causes(robot, directions, carried.wanted, carried.played, goals, rate):
+        found |= {name: replace(found[name], cause=cause, best=angles) for name, angles in best.items()}
     return found
 
 

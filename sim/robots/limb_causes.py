@@ -12,7 +12,6 @@ angle whose 1 - cos is the mean of both.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any, Literal
 
 import mujoco
@@ -25,6 +24,7 @@ from sim.robots.limb_directions import MEAN_LIMIT, WORST_LIMIT, LimbDirections, 
 from sim.robots.robot import Robot
 
 Cause = Literal["out of reach", "held back", "carried wrongly"]
+"""The joints' ranges, limits of speed and acceleration, or the retargeter."""
 # Accepted error beyond the best within reach, degrees, or as a share of what is out of reach; rate of the search, Hz.
 CLOSE, SHARE, RATE = 5.0, 0.25, 30.0
 FULL = 0.99  # of a joint's speed limit
@@ -33,21 +33,12 @@ SPREAD, FEW, ROUNDS, SETTLED = 12, 4, 30, 1e-3
 GRID = 121  # number of angles for a hinge with followers, which has no closed form
 
 
-@dataclass(frozen=True)
-class LimbCause:
-    """One limb beyond the limits."""
-
-    # "out of reach": of the joints' ranges; "held back": by limits of speed and acceleration; "carried wrongly": by the
-    # retargeter.
-    cause: Cause
-    # Mean and worst angle of its segments at the best joint angles, by name, degrees.
-    best: dict[str, tuple[float, float]]
-
-
 def limb_causes(
     robot: Robot, directions: LimbDirections, wanted: Array, played: Array, goals: Array, rate: float
-) -> list[LimbCause]:
-    """The limbs beyond the limits, each with its cause, for T frames at a rate, Hz.
+) -> list[tuple[Cause, dict[str, tuple[float, float]]]]:
+    """The limbs beyond the limits, for T frames at a rate, Hz.
+
+    Each has its cause, and by segment the mean and worst angle at the best joint angles, degrees.
 
     `wanted` and `played` are retargeted and played joints (T, J), rad, and `goals` the human's limbs as the
     robot's trunk sees them, (T, K, 3).
@@ -78,7 +69,7 @@ def limb_causes(
             cause = "carried wrongly" if _does_worse(meant, aim, least[there_now], often, far) else "held back"
         best = degrees_between(reach, own)
         means = zip(best.mean(axis=0).tolist(), best.max(axis=0).tolist(), strict=True)
-        found.append(LimbCause(cause, dict(zip((segment.name for segment in limb), means, strict=True))))
+        found.append((cause, dict(zip((segment.name for segment in limb), means, strict=True))))
     return found
 
 
