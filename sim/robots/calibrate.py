@@ -47,6 +47,7 @@ from sim.robots.proportions import (
     undriven_limbs,
     unit_doubts,
 )
+from sim.robots.robot import joint_ranges
 
 NO_LEGS = "it has no legs: their motion, the human's way, and the lean beyond its waist are left out"
 LEAST_HEIGHT = 0.001  # of the root of a robot without legs, m
@@ -167,9 +168,7 @@ def calibrate(path: Path, packages: Mapping[str, Path] | None = None, bends: Col
     limbs = RobotLimbs(path, model, found.parts, found.root_rotation, layout.joints)
     joint = [model.joint(name).id for name in layout.joints]
     limited = model.jnt_limited[joint].astype(bool)
-    lower = np.where(limited, model.jnt_range[joint, 0], -np.pi)
-    upper = np.where(limited, model.jnt_range[joint, 1], np.pi)
-    count = len(joint)
+    (lower, upper), count = joint_ranges(model, layout), len(joint)
     speeds = {name: speed for name, speed in urdf_speeds(path).items() if name in layout.joints}
     velocity = np.array([speeds.get(name, VELOCITY) for name in layout.joints])
     limits = JointLimits(lower, upper, velocity, np.full(count, ACCELERATION), np.full(count, JERK))

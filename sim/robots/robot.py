@@ -280,7 +280,7 @@ def _rest(path: Path, file: RobotFile, layout: JointLayout, limits: JointLimits)
 
 
 def _limits(path: Path, file: RobotFile, model: mujoco.MjModel, layout: JointLayout) -> JointLimits:
-    lower, upper = _positions(model, layout)
+    lower, upper = joint_ranges(model, layout)
     count = len(layout.joints)
     table = {"lower": lower, "upper": upper}
     for key in ("velocity", "acceleration", "jerk"):
@@ -293,13 +293,11 @@ def _limits(path: Path, file: RobotFile, model: mujoco.MjModel, layout: JointLay
     return JointLimits(**table)
 
 
-def _positions(model: mujoco.MjModel, layout: JointLayout) -> tuple[Array, Array]:
+def joint_ranges(model: mujoco.MjModel, layout: JointLayout) -> tuple[Array, Array]:
     """The range of each joint in the model, or half a turn; a ball joint may turn equally far in every direction."""
     joint = model.actuator_trnid[:, 0]
-    limited = model.jnt_limited[joint].astype(bool)
-    reach = model.jnt_range[joint]
-    lower = np.where(limited, reach[:, 0], -np.pi)
-    upper = np.where(limited, reach[:, 1], np.pi)
+    limited, reach = model.jnt_limited[joint].astype(bool), model.jnt_range[joint]
+    lower, upper = np.where(limited, reach.T, [[-np.pi], [np.pi]])
     balls = layout.ball.ravel()
     lower[balls] = -upper[balls]
     return lower, upper
