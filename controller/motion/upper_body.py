@@ -33,12 +33,7 @@ def lacks_legs(names: tuple[str, ...]) -> bool:
 
 
 def with_legs(
-    names: tuple[str, ...],
-    parent: Indices,
-    position: Array,
-    rotation: Array,
-    turns: Flags,
-    path: str | Path,
+    names: tuple[str, ...], parent: Indices, position: Array, rotation: Array, turns: Flags, path: str | Path
 ) -> tuple[tuple[str, ...], Indices, Array, Array, Flags]:
     """The fields of the tree of joints of an upper body, in the axes and the unit of its file, with legs.
 

@@ -48,9 +48,8 @@ def failure_table(title: str, counts: Sequence[Count], notes: list[str]) -> Tabl
         row["intrinsic by seed"] = " ".join(str(sum(c.intrinsic for c in part)) for part in by_seed.values())
         if again:
             row["drawn with seed"] = " ".join(str(part[0].drawn) for part in by_seed.values())
-        row["why the first failed"] = (
-            next((count.reason for count in group if count.reason), "") if name in groups else ""
-        )
+        reasons = (count.reason for count in group if count.reason and name in groups)
+        row["why the first failed"] = next(reasons, "")
         rows.append(row)
     return Table(title, rows, tuple(f"{kind} %" for kind in kinds), notes)
 
@@ -95,9 +94,8 @@ def training_table(
     shown = [name for name in names if getattr(errors[0], name) is not None]
     rows: list[dict[str, Value]] = []
     for error, tested in zip(errors, verdicts, strict=True):
-        rows.append(
-            {"network": f"seed {error.seed}"} | {name: getattr(error, name) for name in shown} | _tested(tested)
-        )
+        measured = {name: getattr(error, name) for name in shown}
+        rows.append({"network": f"seed {error.seed}", **measured, **_tested(tested)})
     blank: dict[str, Value] = {"self-test": "", "free run mm": None, "failing": ""}
     mean: dict[str, Value] = {name: float(np.mean([getattr(error, name) for error in errors])) for name in shown}
     rows.append({"network": "mean", **mean, **blank})

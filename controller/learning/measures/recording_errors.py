@@ -82,10 +82,8 @@ def recording_error(library: MotionLibrary, motion: str, recorded: RecordedPart)
     played, own = (landmark_places(clip)[0] for clip in (run, carried(run, recorded.body)))
     played, own = (places * (_leg_length(wanted) / _leg_length(places)) for places in (played, own))
     if recorded.loop:
-        when, target = (
-            np.concatenate([since + turn * seconds for turn in range(ROUNDS)]),
-            np.tile(wanted, (ROUNDS, 1, 1)),
-        )
+        when = np.concatenate([since + turn * seconds for turn in range(ROUNDS)])
+        target = np.tile(wanted, (ROUNDS, 1, 1))
         phase = when % seconds
         kept = np.minimum(phase, seconds - phase) >= min(SEAM, 0.25 * seconds)
     else:

@@ -17,12 +17,7 @@ import numpy as np
 
 from controller.learning.preparation.training_motion import TrainingMotion
 from controller.learning.reservoirs.conceptor_training import principal_directions
-from controller.learning.trainers.phase_driven import (
-    MotionByMotionTrainer,
-    PhaseDrivenRecipe,
-    affine_ridge,
-    course_of,
-)
+from controller.learning.trainers.phase_driven import MotionByMotionTrainer, PhaseDrivenRecipe, affine_ridge, course_of
 from controller.motion.rotations import Array, Indices
 from controller.networks.phase_conceptor.network import (
     Float16,

@@ -57,16 +57,9 @@ class PhaseDrivenRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True,
 
     def scales(self, *, driven: bool) -> PhaseScales:
         """The scales of the shared weights; driven, if a motion has an input besides the phase."""
-        return PhaseScales(
-            self.neurons,
-            self.harmonics,
-            self.spectral_radius,
-            0.0,
-            self.phase_scale,
-            self.bias_scale,
-            self.drive_scale if driven else 0.0,
-            leads_in=True,
-        )
+        drive = self.drive_scale if driven else 0.0
+        sizes = self.neurons, self.harmonics, self.spectral_radius
+        return PhaseScales(*sizes, 0.0, self.phase_scale, self.bias_scale, drive, leads_in=True)
 
 
 def course_of(motion: TrainingMotion, piece_frames: float) -> PhaseCourse:

@@ -206,9 +206,8 @@ def _frame_problem(rows: str, at: int, frames: float, width: int, count: int) ->
         return "no frames follow. Export the motion again."
     if width and not count % width:
         follow = count // width
-        return (
-            f"{frames:g} frames are announced, but {follow} follow. Fetch the file again, or write 'Frames: {follow}'."
-        )
+        announced = f"{frames:g} frames are announced, but {follow} follow."
+        return f"{announced} Fetch the file again, or write 'Frames: {follow}'."
     for number, row in enumerate(rows.split("\n"), at + 1):
         if 0 < (here := len(row.split())) != width:
             return f"a frame has {width} channels, but line {number} has {here} numbers. {again}"

@@ -51,12 +51,10 @@ def timing_of(points: Array, rate: float) -> Timing:
     moves = rate * np.convolve(length, np.ones(width) / width, "same")[: len(length)] > MOVES
     same = length < SAME
     found = None
-    if moves.sum() > width:
-        found = (
-            _without_held(same, moves, rate * length > FASTEST_BODY, rate)
-            if (same & moves).any()
-            else _with_gaps(step, rate)
-        )
+    if moves.sum() > width and (same & moves).any():
+        found = _without_held(same, moves, rate * length > FASTEST_BODY, rate)
+    elif moves.sum() > width:
+        found = _with_gaps(step, rate)
     every = np.arange(len(points))
     return found or Timing(every, every.astype(float), rate)
 

@@ -114,11 +114,8 @@ class CentralizedNetwork(Network[CentralizedMotion]):
     def sizes(self, motion: str) -> dict[str, float]:
         """Centers, satellites and the largest weight of a motion."""
         part = self[motion]
-        return {
-            "centers": len(part.frequency),
-            "satellites": len(part.satellites),
-            "largest_weight": part.largest_weight,
-        }
+        counts = {"centers": len(part.frequency), "satellites": len(part.satellites)}
+        return {**counts, "largest_weight": part.largest_weight}
 
     def arrays(self) -> dict[str, NDArray[Any]]:
         """The stored arrays by name; weights of low rank without their zeros."""
