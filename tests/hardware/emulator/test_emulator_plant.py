@@ -59,8 +59,8 @@ def test_a_load_is_felt_as_current_and_sag(rig_of_four):
 
 def test_an_overload_shuts_the_servo_down_and_the_joint_falls(rig_of_four):
     plant = Pendulums(4, 0.0, start=0.5)
-    plant.weight[1] = 12.0
     port, _ = on_plant(rig_of_four, plant)
+    plant.weight[1] = 12.0  # put on it once it holds: a joint that falls is not switched on
     port.elapse(3.0)  # without a loop the servos hold, and no joint yields
     assert port.bus[2]["hardware_error_status"] & 0x20
     assert port.bus[2]["torque_enable"] == 0
