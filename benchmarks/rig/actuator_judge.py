@@ -49,6 +49,7 @@ class ActuatorJudge:
         self._grips = np.array([joint.grip for joint in joints])
         self._limit = np.array([joint.current or np.inf for joint in joints])
         self._against, self._pressed, self._let_go = np.zeros(count), np.zeros(count), np.zeros(count)
+        self._opposed, self._freed = np.zeros(count), np.zeros(count, dtype=np.bool_)
         # When a target was last near what a gripper holds, or on its other side, s; and on which side it is.
         self._near, self._side = np.zeros(count), np.zeros(count)
         self._goals, self._alone = np.full(count, np.nan), np.zeros(count)
@@ -64,6 +65,15 @@ class ActuatorJudge:
     def paired(self) -> Mask:
         """Which servos have another one on their joint, shape (S,)."""
         return self._others != np.arange(len(self._others))
+
+    @property
+    def freed(self) -> Mask:
+        """Which servos are on a shaft that two held against each other until one has restarted just now, shape (S,).
+
+        The rig could not reach both: the other one's path has gone ahead, and the shaft hurries after it. Torque that
+        the rig takes off is no excuse.
+        """
+        return self._freed
 
     def asked(self, targets: Array) -> None:
         """Takes the targets (S,), rad, within the limits."""
@@ -86,6 +96,10 @@ class ActuatorJudge:
             shares * shares[self._others] < 0.0, np.minimum(np.abs(shares), np.abs(shares[self._others])), 0.0
         )
         against = (opposed > _AGAINST) & well & well[self._others]
+        reached = ~(cut_off | cut_off[self._others])
+        restarts = np.array([device.asleep_until > now for device in devices])
+        self._freed = (self._opposed > _AGAINST) & ~reached & (restarts != restarts[self._others])
+        self._opposed = opposed
         self._against = np.where(against, self._against + passed, 0.0)
         note("has two servos that work against each other, of the stall current", self._against > _AGAINST_FOR, opposed)
         joints = zip(self._config.joints, devices, strict=True)

@@ -3,6 +3,7 @@
 speed      a shaft turns at most at its joint's limit, and while it catches up after a recovery at a quarter of it;
            it changes its speed no faster than its acceleration limit. A servo that has taken another's ID may have
            heard that one's speed before its silence could be seen: it may keep that for 0.1 s, its shaft for 0.2 s
+           A shaft hurries after one of two servos that has heard another joint's goals when the other restarts
 position   a shaft stays within its joint's limits, and so does every goal on the wire
 rest       a shaft that is held while it turns comes to rest at its goal, not behind it, from where it would hurry back
 torque     comes on only where the goal is the present position, and only on the model that the rig file names
@@ -43,7 +44,9 @@ _LAG = 0.06  # s that a shaft is behind its servo's path
 _OVER = 0.05  # s, over which an acceleration is measured
 _JERKED = 0.3  # s after its watchdog has stopped it, or torque has changed, in which a shaft may stop at once
 _TAKEN_BACK, _SETTLED = 0.1, 0.2  # s in which a servo and its shaft may have the speed of one whose ID it has taken
-_FALLEN = 0.3  # s after a weight has turned a shaft without torque, or a servo was starved unseen: it may be fast
+# s in which a shaft may be fast after a weight has turned it without torque, after its servo was starved unseen, or
+# after a restart of one of two servos that worked against each other, where the rig could not reach both.
+_FALLEN = 0.3
 _AT, _AT_ONCE = 0.02, 0.1  # rad from a goal to the target; s after a joint is held
 _ARMED_WITHIN = 1.2  # s
 _STANDS = 0.05  # rad/s
@@ -169,7 +172,7 @@ class ShaftJudge:
         powered = self._powered()
         self._burdened.watch(now, now - self._at, blocked, cut_off, powered, self._note)
         self._actuated.watch(now, now - self._at, angles, self._goals(), cut_off, powered, self._note)
-        self._fell[self._loaded & ~powered] = now
+        self._fell[(self._loaded & ~powered) | self._actuated.freed] = now
         # One that the rig cannot reach cannot be eased while its supply is low, and hurries when that is back.
         self._starved[cut_off & ~self._supplied()] = now
         speed = np.abs(velocity)

@@ -14,10 +14,11 @@ from benchmarks.rig._schedules import Schedule, kinds_of, schedule
 from benchmarks.rig.actuator_judge import ActuatorJudge
 from benchmarks.rig.burdens import Burdens
 from benchmarks.rig.fault_schedules import forgotten, play, run
-from benchmarks.rig.judged_port import JudgedBus
-from benchmarks.rig.schedule_judge import swings
+from benchmarks.rig.judged_port import JudgedBus, JudgedPort
+from benchmarks.rig.schedule_judge import ShaftJudge, swings
 from benchmarks.rig.source_mutants import MUTANTS, Mutant, mutated
-from hardware.emulator.faults import Fault
+from benchmarks.rig.taking_turns import Turns
+from hardware.emulator.faults import Fault, FaultPlan
 from hardware.rig.rig_file import RigConfig, RigJoint
 from hardware.rig.rig_joint import SecondServo
 from hardware.rig.switching.torque import hold_still
@@ -62,6 +63,7 @@ def test_a_random_schedule_of_faults_ends_well(seed):
         (440000046, "a weight that with its friction was more than its joint could lift"),
         (700000170, "a joint that a jam threw out of its limits, and whose watchdog stopped it there"),
         (600000151, "torque on a limp joint whose weight swung on since its place was read"),
+        (700000652, "a restart of a servo that held its partner, which had gone after another joint's goals"),
     ],
 )
 def test_a_schedule_that_was_wrong_ends_well(seed, was):
@@ -183,6 +185,38 @@ def test_one_of_two_is_driven_on_by_goals_that_leave_its_shaft_and_not_where_the
         goals = np.full(2, 0.6 + sign * 0.01 * tick)
         judge.watch(0.01 * tick, 0.01, np.zeros(2), goals, usual, ~usual, note)
     assert ("was driven on without its other servo, s" in said) == alone
+
+
+@pytest.mark.parametrize(
+    ("astray", "lets_go", "named"),
+    [(True, "restart", False), (False, "restart", True), (True, "torque", True), (True, "goal", True)],
+)
+def test_a_shaft_may_hurry_after_a_servo_out_of_reach_only_when_its_other_one_restarts(astray, lets_go, named):
+    """The second servo goes ahead, and the first one stands until it lets go."""
+    joint = RigJoint("arm", 1, "XM430-W350", 1, 2048, -1.3, 1.3, 0.8, second=SecondServo(2, 1, 2048))
+    config = RigConfig("emulated", 1_000_000, 100.0, (joint,))
+    bus, usual = JudgedBus(config), np.zeros(2, dtype=np.bool_)
+    port = JudgedPort(bus, "emulated", FaultPlan(), Turns("none"))
+    burdens = Burdens(np.zeros(2), np.zeros(2), usual, usual, np.ones(2, dtype=np.int64))
+
+    def go_ahead(device, most):
+        device["profile_velocity"], device["goal_position"] = most, 2648
+        device.bank.pursue(device.row)
+
+    first, second = bus.devices
+    first["torque_enable"] = second["torque_enable"] = 1
+    judge = ShaftJudge(config.servos, port, bus, lambda now: (usual, np.array([False, astray])), burdens)
+    go_ahead(second, round(0.8 * 60.0 / (2.0 * np.pi) / 0.229))
+    port.elapse(0.25)
+    assert judge.problems == []
+    if lets_go == "restart":
+        first.reboot(1.0)
+    elif lets_go == "torque":
+        first["torque_enable"] = 0
+    else:
+        go_ahead(first, 0)
+    port.elapse(0.1)
+    assert ("arm was too fast" in str(judge.problems)) == named
 
 
 @pytest.mark.parametrize(("turning", "named"), [(-1.1, False), (0.0, True), (0.6, True)])
