@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from benchmarks.rig.jams import PAGES
 from hardware.emulator.faults import Fault
 from hardware.emulator.servos.device import Device
-from hardware.emulator.servos.drive import motor_of
+from hardware.emulator.servos.drive import Motor, motor_of
 from hardware.rig.rig_joint import EXTENDED_MODE, RigJoint, SecondServo
 from hardware.rig.scale import Array
 
@@ -100,8 +100,13 @@ def has_small_limit(joint: RigJoint) -> bool:
 
 def _friction(joint: RigJoint) -> float:
     """What friction takes of the motor's stall torque, at rest and at the joint's speed, without a weight."""
-    motor = motor_of(joint.model)
-    return 0.0 if motor.friction is None else _taken(joint, motor.friction.dead, 0.0)
+    return _taken(joint, dead_torque(motor_of(joint.model)), 0.0)
+
+
+def dead_torque(motor: Motor) -> float:
+    """The torque below which a motor without a load stays at rest, as a part of the stall torque."""
+    one = motor.friction
+    return 0.0 if one is None else (one.base + one.stribeck) / (1.0 - one.motor - one.motor_stribeck)
 
 
 def _taken(joint: RigJoint, torque: float, weight: float) -> float:

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from benchmarks.rig.actuator_judge import ActuatorJudge
 from benchmarks.rig.burden_judge import BurdenJudge, true_goals
-from benchmarks.rig.burdens import Burdens
+from benchmarks.rig.burdens import Burdens, dead_torque
 from benchmarks.rig.judged_port import APART, PLAY, JudgedBus, JudgedPort
 from hardware.emulator.servos.device import Device
 from hardware.emulator.servos.servo_bank import TRIPPED
@@ -356,8 +356,7 @@ def _loop(device: Device) -> float:
 def _release(device: Device) -> float:
     """How much the speed of a shaft changes when friction lets go of it, rad/s."""
     motor = device.bank.drive.motor
-    held = 0.0 if motor.friction is None else motor.friction.dead
-    return held * motor.no_load_speed / 60.0 * 2.0 * math.pi
+    return dead_torque(motor) * motor.no_load_speed / 60.0 * 2.0 * math.pi
 
 
 def _has_voltage(device: Device) -> bool:
