@@ -81,7 +81,7 @@ def learned(path: Path) -> str:
         (motion,) = learn([path], "odd").motions
     except MotiondeckError:
         return "refused"
-    return f"{motion.plays} {motion.error_mm:.1f} mm" if motion.passed else "left out"
+    return f"{motion.plays} {motion.info.error_mm:.1f} mm" if motion.passed and motion.info else "left out"
 
 
 def main(
