@@ -30,6 +30,16 @@ def test_a_clip_player_is_exact():
     assert row.file_mb == channels_mb(KNOWN)
 
 
+def test_fewer_keys_are_smaller_and_less_exact():
+    rows = [clip_row("small", KNOWN, every) for every in (2, 4, 8)]
+    assert [row.file_mb for row in rows] == pytest.approx(
+        [channels_mb(KNOWN) / (2 * every) for every in (2, 4, 8)], rel=0.1
+    )
+    errors = [row.error_mm for row in rows]
+    assert 0.0 < errors[0] < errors[2] < 2.0
+    assert all(row.passed == 1.0 for row in rows)
+
+
 def test_a_mixture_is_measured_at_each_mu():
     library = synthetic.small_phase_library()
     found = mixtures(library, synthetic.small_phase_network(), ("march", "wave"), [0.0, 0.5])
