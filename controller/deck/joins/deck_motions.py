@@ -187,11 +187,11 @@ def _played(
 ) -> tuple[Posture, Posture]:
     """The postures of a motion: at its anchors, and each PEAKS_OVER as it is played alone, a little more than once."""
     decode = library.encoding.decode
+    network.cue(info.name, 0)  # whatever it has to compute before it plays is computed now, and not in a tick
     if (settled := network.settled(info.name)) is not None:
         anchors = settled[:: -(-len(settled) // len(anchors))]
         frames = np.concatenate([settled, settled[:5] if info.plays == "loop" else settled[-1:]])
     else:
-        network.cue(info.name, 0)
         frames = np.empty((info.frames + 5, network.channels))
         for frame in frames:
             network.advance(frame)

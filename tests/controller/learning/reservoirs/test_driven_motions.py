@@ -119,6 +119,20 @@ def test_a_library_keeps_its_inputs(library, tmp_path):
         load_library(tmp_path / "bad.safetensors")
 
 
+def test_what_a_motion_computes_before_it_plays_is_computed_before_the_first_tick(library):
+    """Its states at each value of its input took a tick many times its time, at the first switch to it."""
+    library.network.rest()
+    fresh = MotionLibrary(library.info, library.network.only(("wave", "gait")), library.encoding)
+    deck = Deck(fresh, lambda pose: pose.rotation.ravel(), "wave")
+    before = {name: set(vars(fresh.network[name])) for name in fresh.network.motions}
+    deck.set_input("speed", 2.0)
+    deck.switch("gait")
+    for _ in range(300):
+        deck.update(0.01)
+    assert deck.playing == "gait"
+    assert {name: set(vars(fresh.network[name])) for name in fresh.network.motions} == before
+
+
 def test_the_deck_leads_an_input_smoothly_to_its_value(library):
     def joints(pose):
         return library.skeleton.joints(np.zeros(3), pose.rotation).ravel()
