@@ -7,6 +7,7 @@ import msgspec
 import numpy as np
 import pytest
 
+from benchmarks.rig.burdens import dead_torque
 from benchmarks.simulated_time import EmulatedPort
 from hardware.emulator.bus import EmulatedBus
 from hardware.families import emulation
@@ -531,11 +532,7 @@ def test_every_x_model_goes_to_its_goal(rig_of_four, model):
     servo.port.elapse(3.0)
     # Where a real servo was identified, friction holds it a little before its goal.
     bank = servo.port.bus[1].bank
-    friction, gain = bank.drive.motor.friction, bank.drive.p_gain[0] / bank.drive.motor.full_pwm
-    short = 0.0
-    if friction is not None:  # below this torque, a part of the stall torque, a motor without a load stays at rest
-        dead = (friction.base + friction.stribeck) / (1.0 - friction.motor - friction.motor_stribeck)
-        short = dead / gain
+    short = dead_torque(bank.drive.motor) * bank.drive.motor.full_pwm / bank.drive.p_gain[0]
     assert servo.get("present_position") == pytest.approx(3000, abs=1 + short)
     assert servo.get("hardware_error_status") == 0
 
