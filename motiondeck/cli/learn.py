@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from controller.learning.recipe import LibraryRecipe
     from controller.motion.clip import ReadingOptions
     from motiondeck_base.jobs import Jobs
+    from sim.physical.files import StoodFile
 
 
 @dataclass(frozen=True)
@@ -56,6 +57,9 @@ class LearnOptions:
     robot: Annotated[
         str | None, Option(metavar="ROBOT", help="Say which motions this robot plays; --play plays them on it.")
     ] = None
+    physical: Annotated[
+        bool, Option("--physical", help="Learn what --robot does on its own feet, as `retarget --physical` finds it.")
+    ] = False
     jobs: JobsOption = "1"
     ground: GroundOption = "auto"
     accept: Annotated[
@@ -83,6 +87,11 @@ def learn(options: LearnOptions, reading: Reading, as_json: JsonOption = False) 
     printed. The recipe is written beside the library (NAME.toml, or NAME.recipe.toml where that is a rig file or
     keyframes). With --robot the table of `preflight` follows: which motions that robot plays, and at which tempo.
 
+    With --physical the joint angles of --robot are learned, as its simulation does each motion on its own feet, from
+    files in a folder NAME beside the library; motions in which it falls are left out. It takes about 7 s of processor
+    time a second (G1). That robot and rigs with its joints play them, where they stand; `play --root free --balance`
+    keeps it on its feet.
+
     Clips of `motiondeck rig teach` and keyframes (.toml) become loops or one-shots as they were taught or written;
     NAME.clip, NAME.2.clip ... are takes of one motion and are averaged. The part of a loop that returns best to its
     start is learned.
@@ -94,6 +103,7 @@ def learn(options: LearnOptions, reading: Reading, as_json: JsonOption = False) 
 
       motiondeck learn walk.bvh dance.c3d --play
       motiondeck learn recordings --out mine.safetensors --play --robot servo20
+      motiondeck learn bow.bvh --out bow.safetensors --robot g1.toml --physical
       motiondeck learn mine.toml --force
       motiondeck learn configs/libraries/thesis15.toml --data recordings --out my.safetensors
       motiondeck learn wave.clip nod.clip wink.toml --out gestures.safetensors
@@ -116,6 +126,8 @@ def learn(options: LearnOptions, reading: Reading, as_json: JsonOption = False) 
         )
     if options.whole and kinds != {"recording"}:
         raise MotiondeckError("--whole is for recordings; a recipe says by frames what it takes of one")
+    if options.physical and (options.robot is None or kinds != {"recording"}):
+        raise MotiondeckError("--physical is for recordings on the feet of a --robot")
     if "recipe" not in kinds and options.data is not None:
         raise MotiondeckError(f"--data {options.data} is the folder of a recipe's recordings; no recipe is given")
     if "recipe" in kinds:
@@ -167,7 +179,8 @@ def _library(options: LearnOptions, name: str, *, and_recipe: bool = False) -> P
     check_folder(out)
     recipe = _recipe_beside(out)
     edited = f". A recipe that you have edited is trained with: motiondeck learn {recipe}" if and_recipe else ""
-    check_new(*([recipe] if and_recipe else []), out, force=options.force, hint=edited)
+    found = [out.with_suffix("")] if options.physical else []
+    check_new(*([recipe] if and_recipe else []), out, *found, force=options.force, hint=edited)
     return out
 
 
@@ -175,14 +188,26 @@ def _learn_recordings(options: LearnOptions, out: Path, reading: ReadingOptions,
     from controller.learning import learn as learning
     from controller.learning.recipe import recipe_text
     from controller.library.motion_library import save_library
+    from controller.motion.clip import AS_FOUND
     from motiondeck.cli.common.verdict_report import verdicts_on
     from motiondeck.cli.learn_report import report_recordings
+    from motiondeck.cli.robot.retarget import stand
     from motiondeck_base.files import write_file
     from motiondeck_base.progress import progress
+    from sim.robots.catalogue import find_robot
 
-    with progress("", 2 * len(learning.recordings_in(options.what)) + 2) as tick:  # more where one holds more motions
+    files, folder = learning.recordings_in(options.what), out.with_suffix("")
+    stood: list[StoodFile] = []
+    if options.physical:
+        stood = stand(files, find_robot(str(options.robot)), folder, options=reading)
+        files, reading = [folder / str(row.file) for row in stood if row.stands], AS_FOUND
+        if not files:
+            first = stood[0]
+            why = first.error or f"in {first.recording} it falls at {first.fell_s:.2f} s; {folder} has what it does"
+            raise MotiondeckError(f"{options.robot} does none of these motions to the end on its feet: {why}")
+    with progress("", 2 * len(files) + 2) as tick:  # more where one holds more motions
         learned = learning.learn(
-            options.what,
+            files,
             out.stem,
             options=reading,
             progress=tick,
@@ -195,7 +220,7 @@ def _learn_recordings(options: LearnOptions, out: Path, reading: ReadingOptions,
     recipe = _recipe_beside(out)
     write_file(recipe, recipe_text(learned.recipe, recipe.parent).encode())
     judge = partial(verdicts_on, options.robot, out, list(learned.library.network.motions))
-    report_recordings(learned, out, recipe, judge, as_json)
+    report_recordings(learned, out, recipe, judge, as_json, stood)
     return next((motion.name for motion in learned.motions if motion.passed), learned.motions[0].name)
 
 

@@ -1,10 +1,12 @@
 """Reports of `motiondeck learn`, for people and for scripts."""
 
+from __future__ import annotations
+
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 
@@ -31,6 +33,9 @@ from motiondeck.cli.common.verdict_report import print_verdicts
 from motiondeck_base.counted import counted
 from motiondeck_base.files import listed
 from sim.robots.verdict import RobotVerdict
+
+if TYPE_CHECKING:
+    from sim.physical.files import StoodFile
 
 Judge = Callable[[], Sequence[RobotVerdict]]
 """Makes the verdicts on the learned motions; none without a robot."""
@@ -63,15 +68,22 @@ def report_recipe(
         _print_judged(judge)
 
 
-def report_recordings(learned: LearnedLibrary, out: Path, recipe: Path, judge: Judge, as_json: bool) -> None:
-    """Reports a library of recordings: each with its part, its seam and its self-test."""
+def report_recordings(
+    learned: LearnedLibrary, out: Path, recipe: Path, judge: Judge, as_json: bool, stood: Sequence[StoodFile] = ()
+) -> None:
+    """Reports a library of recordings: each with its part, its seam and its self-test; `stood` as of --physical."""
     worst = worst_join(learned.library)
     if as_json:
         fields = {"written": str(out), "recipe": str(recipe), "motions": _rows(learned)}
         fields["actors"] = [asdict(actor) for actor in learned.actors]
         fields |= {"warnings": warnings(learned.recipe), "worst_join": join_fields(worst)}
+        fields |= {"on_its_feet": msgspec.to_builtins(stood)} if stood else {}
         print(json.dumps(fields | _judged(judge)))
         return
+    if stood:
+        from motiondeck.cli.robot.retarget import print_stood
+
+        print_stood(stood, out.with_suffix(""))
     _print(learned)
     if learned.actors:
         print(f"body: that of {learned.actors[0].actor} ({counted(learned.actors[0].motions, 'motion')})")

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from controller.motion.canonical.clip_edits import resampled, without_reference_pose
+from controller.motion.clip import AS_FOUND, Clip, ReadingOptions
 from controller.motion.formats.reading import read_clip
 from motiondeck_base.errors import MotiondeckError
 from sim.models.robot_file import Solver
@@ -31,6 +32,11 @@ class StoodFile:
     pose_deg: float = 0.0  # root mean square of the joints' differences from the carried ones
     error: str | None = None  # why nothing was written
 
+    @property
+    def stands(self) -> bool:
+        """Whether the robot does the motion to the end."""
+        return self.error is None and self.fell_s is None
+
 
 def stood_files(
     robot: Path,
@@ -40,18 +46,22 @@ def stood_files(
     solver: Solver | None = None,
     seed: int = 0,
     progress: Callable[[str, float], None] = lambda name, seconds: None,
+    options: ReadingOptions = AS_FOUND,
 ) -> Iterator[StoodFile]:
     """Looks for each recording's motion on its feet and writes it; yields each result as soon as it is done.
 
-    `progress` gets the recording's name and the seconds found. MotiondeckError for format csv, whose rate is another,
-    and if `out` cannot be written.
+    `progress` gets the recording's name and the seconds found; `options` are of reading. MotiondeckError for format
+    csv, whose rate is another, for two recordings of one name, and if `out` cannot be written.
     """
     if format == "csv":
         raise MotiondeckError(f"--format csv has 30 Hz, and these motions have {RATE:g}. Give npz, mjlab or qpos.")
+    if twice := next((path for at, path in enumerate(paths) if path.stem in {one.stem for one in paths[:at]}), None):
+        raise MotiondeckError(f"{twice}: another recording has this name, and they would be one file. Rename one.")
     loader = RobotLoader(robot)
     for path in paths:
         try:
-            yield _stood(loader, path, out, format, solver, seed, lambda at, name=path.name: progress(name, at))
+            clip = read_clip(path, options)
+            yield _stood(loader, path, clip, out, format, solver, seed, lambda at, name=path.name: progress(name, at))
         except MotiondeckError as error:
             yield StoodFile(str(path), error=str(error))
 
@@ -59,13 +69,16 @@ def stood_files(
 def _stood(
     loader: RobotLoader,
     path: Path,
+    clip: Clip,
     out: Path,
     format: Format,
     solver: Solver | None,
     seed: int,
     progress: Callable[[float], None],
 ) -> StoodFile:
-    clip, _ = without_reference_pose(read_clip(path))
+    if clip.skeleton.is_rig:
+        raise MotiondeckError(f"{path}: these joint angles have lost their path. Give the human's recording.")
+    clip, _ = without_reference_pose(clip)
     clip = resampled(clip, RATE)
     robot = loader(clip.skeleton, solver, 1.0 / RATE)
     stage = PhysicalStage(robot, retargeted(robot, clip))

@@ -14,6 +14,7 @@ from motiondeck.cli.common.options import JobsOption, JsonOption, SolverOption
 from motiondeck_base.counted import counted
 
 if TYPE_CHECKING:
+    from controller.motion.clip import ReadingOptions
     from sim.models.robot_file import Solver
     from sim.physical.files import StoodFile
     from sim.robots.retarget_files import RetargetedFile
@@ -75,7 +76,12 @@ def retarget(
     named, how, where = format_named(format), solver_named(solver), Jobs.parse(jobs)
     if physical:
         stood = stand(recordings_in(recordings), find_robot(robot), out, named, how)
-        report_stood(stood, robot, out, as_json)
+        if as_json:
+            import msgspec
+
+            print(json.dumps({"robot": robot, "recordings": msgspec.to_builtins(stood)}))
+        else:
+            print_stood(stood, out)
         raise typer.Exit(int(any(row.error for row in stood)))
     carried = retarget_files(find_robot(robot), recordings, out, named, how, where)
     rows = collected(carried, "retargeting", len(recordings_in(recordings)))
@@ -123,8 +129,16 @@ def _worse(limbs: dict[str, tuple[float, float]], segment: str) -> str:
     return f"{max(mean for mean, _ in both):.0f}/{max(worst for _, worst in both):.0f}" if both else ""
 
 
-def stand(recordings: Sequence[Path], robot: Path, out: Path, format: Format, solver: Solver | None) -> list[StoodFile]:
+def stand(
+    recordings: Sequence[Path],
+    robot: Path,
+    out: Path,
+    format: Format = "npz",
+    solver: Solver | None = None,
+    options: ReadingOptions | None = None,
+) -> list[StoodFile]:
     """Looks for each recording's motion on the robot's feet; a terminal shows how far it is."""
+    from controller.motion.clip import AS_FOUND
     from motiondeck_base.progress import progress
     from sim.physical.files import stood_files
 
@@ -133,18 +147,13 @@ def stand(recordings: Sequence[Path], robot: Path, out: Path, format: Format, so
         def show(name: str, seconds: float) -> None:
             tick(f"{name}: stands for {seconds:.1f} s")
 
-        return [*stood_files(robot, recordings, out, format, solver, progress=show)]
+        return [*stood_files(robot, recordings, out, format, solver, progress=show, options=options or AS_FOUND)]
 
 
-def report_stood(rows: list[StoodFile], robot: str, out: Path, as_json: bool) -> None:
-    """Prints the rows as a table, or as JSON."""
+def print_stood(rows: Sequence[StoodFile], out: Path) -> None:
+    """Prints which motions stand to the end, and when others fall."""
     from motiondeck.cli.common.tables import show_table
 
-    if as_json:
-        import msgspec
-
-        print(json.dumps({"robot": robot, "recordings": msgspec.to_builtins(rows)}))
-        return
     lines, written = [], [row for row in rows if row.error is None]
     for row in written:
         plain = "stands" if row.plain_s is None else f"falls at {row.plain_s:.2f} s"
@@ -154,5 +163,5 @@ def report_stood(rows: list[StoodFile], robot: str, out: Path, as_json: bool) ->
     for row in rows:
         if row.error is not None:
             print(f"failed: {row.error}")
-    stands, failed = sum(row.fell_s is None for row in written), len(rows) - len(written)
+    stands, failed = sum(row.stands for row in rows), len(rows) - len(written)
     print(f"{counted(len(written), 'motion')} in {out}: {stands} to the end on its feet; {failed} failed")
