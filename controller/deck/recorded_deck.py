@@ -15,7 +15,7 @@ from motiondeck_base.errors import MotiondeckError
 
 
 class RecordedDeck(Paced):
-    """Plays the targets of a recording; fits `run_phases.Player` and `loop.commands.interfaces.Playback`.
+    """Plays the targets of a recording; what commands need of any deck is as in `Deck`; fits `run_phases.Player`.
 
     No network plays: what a deck has of one is empty or None here. If the recorded robot plays it, its root follows the
     recorded path. If it loops, it ends as it begins. MotiondeckError if the recording is empty.

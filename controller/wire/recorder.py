@@ -1,6 +1,5 @@
 """The recorder: a process that copies every tick from shared memory into a file, so that no disk can delay the loop."""
 
-import argparse
 import contextlib
 import os
 import signal
@@ -41,26 +40,22 @@ def reason_file(state: Path) -> Path:
     return state.with_name("recorder-ended")
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """The command line of the recorder's process; returns its exit code."""
-    parser = argparse.ArgumentParser(prog="python -m controller.wire.recorder", description="Records a deck.")
-    parser.add_argument("--state", type=Path, required=True, help="the deck's shared state file")
-    parser.add_argument("--out", type=Path, required=True, help="the recording")
-    options = parser.parse_args(arguments)
+def main(state: str, out: str) -> int:
+    """The command line of the recorder: the deck's shared state file, and the recording; returns its exit code."""
     for number in (signal.SIGINT, signal.SIGTERM):  # they end the deck; its last ticks are recorded too
         signal.signal(number, signal.SIG_IGN)
     os.nice(5)
     try:
-        lost = record(options.state, options.out)
+        lost = record(Path(state), Path(out))
     except MotiondeckError as error:
         print(f"motiondeck: the recording has ended: {error}", file=sys.stderr)
         with contextlib.suppress(OSError):
-            reason_file(options.state).write_text(str(error))
+            reason_file(Path(state)).write_text(str(error))
         return 1
     if lost:
-        print(f"motiondeck: {options.out} lacks {lost} ticks: its process was held up for too long", file=sys.stderr)
+        print(f"motiondeck: {out} lacks {lost} ticks: its process was held up for too long", file=sys.stderr)
     return int(lost > 0)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(main(*sys.argv[1:]))

@@ -23,7 +23,8 @@ from motiondeck.cli.common.options import (
     grouped,
 )
 from motiondeck_base.errors import MotiondeckError
-from motiondeck_base.files import check_folder
+from motiondeck_base.files import check_folder, write_file
+from motiondeck_base.progress import progress
 
 if TYPE_CHECKING:
     from controller.learning.recipe import LibraryRecipe
@@ -192,8 +193,6 @@ def _learn_recordings(options: LearnOptions, out: Path, reading: ReadingOptions,
     from motiondeck.cli.common.verdict_report import verdicts_on
     from motiondeck.cli.learn_report import report_recordings
     from motiondeck.cli.robot.retarget import stand
-    from motiondeck_base.files import write_file
-    from motiondeck_base.progress import progress
     from sim.robots.catalogue import find_robot
 
     files, folder = learning.recordings_in(options.what), out.with_suffix("")
@@ -234,8 +233,6 @@ def _learn_recipe(
     from controller.library.motion_library import save_library
     from motiondeck.cli.common.verdict_report import verdicts_on
     from motiondeck.cli.learn_report import report_recipe
-    from motiondeck_base.files import write_file
-    from motiondeck_base.progress import progress
 
     for warning in warnings(recipe):
         print(f"motiondeck: warning: {file}: {warning}", file=sys.stderr)

@@ -10,7 +10,10 @@ import typer
 from typer import Argument, Option
 
 from motiondeck.cli.common.options import JsonOption, Reading, check_ending, grouped
+from motiondeck_base.errors import FileFormatError, MotiondeckError
 from motiondeck_base.files import check_folder
+from motiondeck_base.progress import progress
+from motiondeck_base.shipped import find_library, shipped_configs
 
 if TYPE_CHECKING:
     from controller.library.motion_library import MotionLibrary
@@ -30,8 +33,6 @@ def list_libraries(as_json: JsonOption = False) -> None:
     """
     from controller.library.motion_library import load_library
     from motiondeck.cli.common.tables import show_table
-    from motiondeck_base.errors import FileFormatError
-    from motiondeck_base.shipped import shipped_configs
 
     rows: list[dict[str, Any]] = []
     shipped = sorted((shipped_configs() / "libraries").glob("*.safetensors"))
@@ -82,7 +83,6 @@ def show(
     from controller.library.motion_library import load_library
     from motiondeck.cli.common.library_report import print_table, report
     from motiondeck.cli.common.verdict_report import print_verdicts, verdicts_on
-    from motiondeck_base.shipped import find_library
 
     path = find_library(library)
     loaded = load_library(path)
@@ -142,8 +142,6 @@ def bake(
     from motiondeck.cli.common.verdict_report import print_verdicts, verdicts_on
     from motiondeck.run.baked_libraries import baked_file
     from motiondeck.run.baking import bake as baked_for
-    from motiondeck_base.progress import progress
-    from motiondeck_base.shipped import find_library
     from sim.robots.catalogue import find_robot
 
     path, file = find_library(library), find_robot(robot)
@@ -196,8 +194,6 @@ def add(
     from controller.library.motion_library import load_library, save_library
     from controller.motion.formats.reading import read_clip
     from motiondeck.cli.common.library_report import part_fields, part_of, print_table, report, seam_of
-    from motiondeck_base.errors import MotiondeckError
-    from motiondeck_base.shipped import find_library
 
     path = find_library(library)
     if out is None and not Path(library).is_file():

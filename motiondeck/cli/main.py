@@ -59,14 +59,6 @@ _PANELS = {
 }
 _GROUPS = ("library", "clip", "rig", "robot", "recognize", "fleet")
 
-# Commands that had another name, and what to type now.
-_RENAMED = {
-    "fit": "learn RECIPE.toml",
-    "mirror": "clip convert FILE OUT --mirror",
-    "fill": "clip convert FILE.c3d OUT.c3d --fill",
-    "play": "play CLIP_OR_LIBRARY --rig RIG",
-}
-
 
 class _Commands(typer.core.TyperGroup):
     """The commands in the order of their panels."""
@@ -132,9 +124,6 @@ def _refuse(error: Any) -> None:
     problem = printable(error.format_message()).replace("Value error, ", "")
     if problem:  # else the help has been printed
         command = error.ctx.command_path if error.ctx is not None else "motiondeck"
-        for before, new in _RENAMED.items():
-            if problem.startswith(f"No such command '{before}'"):
-                problem = f"'{before}' is gone: use motiondeck {new}."
         end = "" if problem.endswith(("?", ".")) else "."
         print(f"motiondeck: {problem}{end} `{command} --help` explains.", file=sys.stderr)
     sys.exit(error.exit_code)

@@ -178,7 +178,7 @@ class _Stage:
         """Prints stay once a foot has stood; a ball under a foot says that it stands now."""
         wanted = bool(self._prints_on.value)
         for handle, mark in zip(self._prints, self._act.prints, strict=True):
-            handle.visible = wanted and mark.first <= frame
+            handle.visible = wanted and mark.frame <= frame
         for foot, handle in enumerate(self._marks):
             handle.visible = wanted and bool(self._act.stands[frame, foot])
             if handle.visible:

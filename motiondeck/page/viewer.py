@@ -4,7 +4,6 @@ Runs as a separate process (`python -m motiondeck.page.viewer`), reads the lates
 commands over a socket, so that nothing it does can hold up the loop.
 """
 
-import argparse
 import contextlib
 import os
 import shutil
@@ -92,17 +91,10 @@ def _reason(state: Path) -> str:
         return ""
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """The command line of the view's process; returns its exit code."""
-    parser = argparse.ArgumentParser(
-        prog="python -m motiondeck.page.viewer", description="Shows a running deck in the browser."
-    )
-    parser.add_argument("--state", type=Path, required=True, help="the deck's shared state file")
-    parser.add_argument("--command-port", type=int, help="where the deck takes commands")
-    parser.add_argument("--port", type=int, required=True, help="where to serve the page, on loopback")
-    options = parser.parse_args(arguments)
+def main(state: str, port: str, command_port: str | None = None) -> int:
+    """The command line of the view's process: the deck's shared state file, and ports; returns its exit code."""
     try:
-        view(options.state, options.command_port, options.port)
+        view(Path(state), None if command_port is None else int(command_port), int(port))
     except MotiondeckError as error:
         print(f"motiondeck: {error}", file=sys.stderr)
         return 1
@@ -112,4 +104,4 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(main(*sys.argv[1:]))

@@ -74,13 +74,11 @@ def act_of_recording(recording: RunRecording, robot: Robot) -> Act:
 
 def _stepping(title: str, model: mujoco.MjModel, qpos: Array, rate: float, bones: Array, feet: Sequence[Foot]) -> Act:
     """A scene with what the feet do and leave on the floor."""
-    from motiondeck.page.body.footprints import footprints, soles, standing
+    from motiondeck.page.body.footprints import followed
     from motiondeck.page.clip_page import Act
-    from sim.models.scenery import body_height
 
-    corners = soles(model, qpos, feet)
-    stands = standing(corners, rate, body_height(model))
-    return Act(title, model, qpos, rate, bones, footprints(model, corners, stands), stands, corners)
+    soles, stands, prints = followed(model, qpos, feet, rate)
+    return Act(title, model, qpos, rate, bones, prints, stands, soles)
 
 
 def _alone(clip: Clip) -> tuple[mujoco.MjModel, Array, Array, list[Foot]]:

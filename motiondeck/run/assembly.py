@@ -17,12 +17,14 @@ from controller.library.motion_library import MotionLibrary
 from controller.loop.clock import Clock, Ticker
 from controller.loop.commands.command_handler import CommandHandler
 from controller.loop.commands.commanded_run import CommandedRun
+from controller.loop.commands.interfaces import PlayableDeck
 from controller.loop.correction import Correction
 from controller.loop.ensemble import all_limits, together
 from controller.loop.lead import Lead
 from controller.loop.output_channel import Channel
 from controller.loop.permissions import handed_back, leave_core
 from controller.loop.safety.safety_envelope import SafetyEnvelope
+from controller.loop.snapshots import SnapshotSource
 from controller.loop.stop_requests import StopRequest, stop_on_signals
 from controller.loop.stop_state import WiredStop
 from controller.motion.clip import Clip
@@ -30,7 +32,6 @@ from controller.motion.rotations import Array
 from controller.motion.skeleton import Skeleton
 from controller.wire.command_socket import CommandServer
 from controller.wire.leader_link import LeaderLink
-from controller.wire.messages.deck_snapshot import SnapshotSource
 from controller.wire.stop_door import StopDoor
 from motiondeck.run.beside.child_process import Children, PageProcess, child_process, kept_tty, page_process
 from motiondeck.run.report import RunNews
@@ -45,7 +46,6 @@ if TYPE_CHECKING:  # a run imports what it has: page, show, recorder, recognitio
     from motiondeck.run.beside.tick_recorder import TickRecorder
     from motiondeck.run.recognition.watches import Watch
     from motiondeck.run.robots.rig_output import RigOutput
-    from motiondeck.run.session import PlayableDeck
 
 
 @dataclass(frozen=True)
@@ -225,7 +225,7 @@ def _assemble(opening: ExitStack, stop: StopRequest, spec: RunSpec, played: Play
     )
     if host.terminal:
         children.restore_tty = opening.enter_context(kept_tty())
-        prompt = child_process("motiondeck.run.terminal", "--command-port", str(port))
+        prompt = child_process("motiondeck.run.terminal", str(port))
         children.add("the prompt", opening.enter_context(prompt))
     return session
 

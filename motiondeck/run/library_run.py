@@ -1,17 +1,15 @@
 """The run of a library or a taught clip on a robot or a rig, as `motiondeck play` and `motiondeck.play` start it."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING
 
 from controller.deck.deck import Deck
 from controller.deck.interfaces import Retargeter
 from controller.library.motion_library import MotionLibrary
+from controller.loop.commands.interfaces import PlayableDeck
 from controller.motion.clip import Clip
 from motiondeck.run.assembly import ALONE, Host, Played, open_session
 from motiondeck.run.baked_libraries import find_baked
@@ -21,9 +19,6 @@ from motiondeck.run.spec.program import Program, checked_rate
 from motiondeck.run.spec.run_spec import RunSpec
 from motiondeck.run.verdicts import Judged
 from sim.robots.verdict import RobotVerdict
-
-if TYPE_CHECKING:
-    from motiondeck.run.session import PlayableDeck
 
 
 @contextmanager

@@ -14,20 +14,20 @@ import numpy as np
 from controller.deck.switch import CommandedSwitch
 from controller.loop.clock import Clock
 from controller.loop.commands.command_handler import CommandHandler
+from controller.loop.commands.interfaces import PlayableDeck
 from controller.loop.loop import LoopReport
 from controller.loop.output_channel import Channel
 from controller.loop.permissions import Permission
 from controller.loop.stop_requests import StopRequest
 from controller.wire.command_socket import CommandServer
 from controller.wire.messages.blends import described
-from controller.wire.messages.deck_snapshot import DeckState
 from motiondeck_base.counted import counted
 
 PERIOD = 0.25  # s from one progress line to the next
 _MODES = {"home": "at home", "held": "held", "emergency stop": "EMERGENCY STOP"}
 
 
-def words_of(deck: DeckState, stop: StopRequest, seconds: float | None) -> str:
+def words_of(deck: PlayableDeck, stop: StopRequest, seconds: float | None) -> str:
     """The progress line: what is played, for how long, and when or how it ends."""
     if stop:
         return f"{stop.reason}: the joints come to rest"
@@ -42,7 +42,7 @@ def words_of(deck: DeckState, stop: StopRequest, seconds: float | None) -> str:
 
 @contextmanager
 def progress_line(
-    deck: DeckState, stop: StopRequest, seconds: float | None, *, prompt: bool, stream: TextIO | None = None
+    deck: PlayableDeck, stop: StopRequest, seconds: float | None, *, prompt: bool, stream: TextIO | None = None
 ) -> Iterator[None]:
     """Shows the progress line in the block, if the stream is a terminal; with a prompt only the end is shown.
 
@@ -53,7 +53,7 @@ def progress_line(
         yield
         return
     over = threading.Event()
-    line = threading.Thread(target=_show_line, args=(deck, stop, seconds, prompt, out, over.wait), daemon=True)
+    line = threading.Thread(target=_show_line, args=(deck, stop, seconds, prompt, out, over), daemon=True)
     line.start()
     try:
         yield
@@ -63,11 +63,11 @@ def progress_line(
 
 
 def _show_line(
-    deck: DeckState, stop: StopRequest, seconds: float | None, prompt: bool, out: TextIO, wait: Callable[[float], bool]
+    deck: PlayableDeck, stop: StopRequest, seconds: float | None, prompt: bool, out: TextIO, over: threading.Event
 ) -> None:
     shown = ""
     with suppress(OSError, ValueError):  # a terminal that has gone
-        while not wait(PERIOD):
+        while not over.wait(PERIOD):
             words = words_of(deck, stop, seconds)
             if words == shown or (prompt and not stop):
                 continue

@@ -14,15 +14,17 @@ from controller.deck.recorded_deck import RecordedDeck
 from controller.loop import permissions
 from controller.loop.clock import Clock
 from controller.loop.commands.command_handler import CommandHandler
+from controller.loop.commands.interfaces import PlayableDeck
 from controller.loop.correction import Correction
 from controller.loop.lead import Lead
 from controller.loop.loop import LoopState, run
 from controller.loop.output_channel import Channel
 from controller.loop.safety.safety_envelope import SafetyEnvelope
+from controller.loop.snapshots import SnapshotSource
 from controller.loop.stop_requests import StopRequest
 from controller.loop.stop_state import STOP_DOOR, StopState, WiredStop
 from controller.motion.rotations import Array
-from controller.wire.messages.deck_snapshot import SnapshotSource, TickHealth
+from controller.wire.messages.deck_snapshot import TickHealth
 from controller.wire.messages.replies import Refused
 from controller.wire.stop_door import StopDoor
 from motiondeck.run.beside.child_process import Children
@@ -33,13 +35,10 @@ from motiondeck.run.spec.run_spec import RunSpec
 from sim.robots.verdict import RobotVerdict
 
 if TYPE_CHECKING:  # page, recorder and recognition are imported by a run that has them
-    from controller.deck.deck import Deck
     from motiondeck.run.beside.tick_recorder import TickRecorder
     from motiondeck.run.guard.guarded_rig import GuardedRig
     from motiondeck.run.page.page import Page
     from motiondeck.run.recognition.watches import Watch
-
-    PlayableDeck = Deck | RecordedDeck
 
 
 PICTURE_HZ = 50.0

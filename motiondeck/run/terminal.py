@@ -1,16 +1,15 @@
 """The prompt of a run: type a motion's name and the deck plays it. A client of the deck, in a child process."""
 
-import argparse
 import contextlib
 import sys
 import threading
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 
-from controller.wire.command_socket import DEFAULT_PORT, CommandClient, SocketError
+from controller.wire.command_socket import CommandClient, SocketError
 from controller.wire.messages.arguments import CommandError
 from controller.wire.messages.blends import described
 from controller.wire.messages.command_table import BY_WORD, COMMANDS, parse_command
-from controller.wire.messages.commands import Blend, DeckCommand, GetStatus, GiveBeat, Subscribe, Switch
+from controller.wire.messages.commands import DeckCommand, GetStatus, GiveBeat, Subscribe
 from controller.wire.messages.replies import (
     Accepted,
     Event,
@@ -177,19 +176,6 @@ def listen_to(client: CommandClient, enough: Callable[[], bool]) -> None:
         print("The deck has ended.")
 
 
-def follow(client: CommandClient, lines: Iterable[str]) -> None:
-    """Sends commands from lines, and waits for each switch to settle; SocketError if no deck is running."""
-    for line in lines:
-        message = _message_in(line)
-        if message is None:
-            continue
-        reply = client.request(message, _STARTING)
-        print(describe(reply), flush=True)
-        if isinstance(message, Switch | Blend) and isinstance(reply, Accepted):
-            settled = client.wait_settled(reply.id)
-            print(describe(settled) if settled else "not settled yet", flush=True)
-
-
 def _message_in(line: str) -> DeckCommand | None:
     """The message in a typed line, or None where there is nothing to send: help and mistakes are answered here."""
     words = line.split()
@@ -204,17 +190,11 @@ def _message_in(line: str) -> DeckCommand | None:
 
 
 def main() -> None:
-    """Runs the prompt until Ctrl-D, the end of the input, or the end of the deck."""
-    parser = argparse.ArgumentParser(prog="python -m motiondeck.run.terminal", description="Commands a running deck.")
-    parser.add_argument("--command-port", type=int, default=DEFAULT_PORT, metavar="N", help="where the deck listens")
-    try:
-        client = CommandClient(parser.parse_args().command_port)
-        if sys.stdin.isatty():
-            import asyncio
+    """Runs the prompt for the deck of the command port on the command line, until Ctrl-D or the deck's end."""
+    import asyncio
 
-            asyncio.run(converse(client))
-        else:
-            follow(client, sys.stdin)
+    try:
+        asyncio.run(converse(CommandClient(int(sys.argv[1]))))
     except MotiondeckError as error:
         print(f"motiondeck: {error}", file=sys.stderr)
         sys.exit(1)

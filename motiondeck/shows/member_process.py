@@ -1,6 +1,5 @@
 """The process in which a deck takes part in a show; `motiondeck play --show` starts it."""
 
-import argparse
 import os
 import signal
 import sys
@@ -17,20 +16,21 @@ from motiondeck_base.printable import printable
 _LOOK = 1.0  # s
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Takes part until the deck has ended; the exit code."""
-    parser = argparse.ArgumentParser(prog="python -m motiondeck.shows.member_process")
-    parser.add_argument("--show", required=True, help="SHOW/DECK, or a folder with certificates")
-    parser.add_argument("--command-port", type=int, required=True, help="of the deck")
-    parser.add_argument("--leader-port", type=int, required=True, help="where the deck asks for the show's phase")
-    parser.add_argument("--about", required=True, help="what the deck is, JSON")
-    options = parser.parse_args(arguments)
+def main(show: str, command_port: str, leader_port: str, about_deck: str) -> int:
+    """Takes part until the deck has ended; the exit code.
+
+    Args:
+        show: SHOW/DECK, or a folder with certificates.
+        command_port: of the deck.
+        leader_port: where the deck asks for the show's phase.
+        about_deck: an `About`, JSON.
+    """
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # it ends the deck, and its end ends this
-    about = read(options.about.encode(), About)
+    about = read(about_deck.encode(), About)
     assert about is not None, "written by the deck"
     try:
-        membership = deck_in(options.show)
-        deck, leader = CommandClient(options.command_port), CommandServer(options.leader_port)
+        membership = deck_in(show)
+        deck, leader = CommandClient(int(command_port)), CommandServer(int(leader_port))
         memory = StopMemory(membership.memory)
         member = Member(membership.name, about, Link(membership), deck, leader, _tell, memory=memory)
     except MotiondeckError as error:
@@ -54,4 +54,4 @@ def _tell(text: str) -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(main(*sys.argv[1:]))

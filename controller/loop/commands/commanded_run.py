@@ -9,14 +9,17 @@ from typing import NamedTuple, assert_never
 
 import msgspec
 
+from controller.deck.deck import Deck
+from controller.deck.recorded_deck import RecordedDeck
 from controller.deck.switch import CommandedSwitch
 from controller.loop.clock import Ticker
-from controller.loop.commands.interfaces import Client, Commandable, Look, Playback, Pushable, RigServos
+from controller.loop.commands.interfaces import Client, Look, PlayableDeck, Pushable, RigServos
+from controller.loop.snapshots import SnapshotSource
 from controller.loop.stop_requests import StopRequest
 from controller.loop.stop_state import EmergencyStopError
 from controller.wire.messages import commands
 from controller.wire.messages.commands import AtTime, DeckCommand
-from controller.wire.messages.deck_snapshot import Mode, SnapshotSource
+from controller.wire.messages.deck_snapshot import Mode
 from controller.wire.messages.replies import Accepted, Event, PhaseNow, Refused, Reply, State
 from motiondeck_base.errors import MotiondeckError, in_words
 
@@ -27,7 +30,7 @@ def refusal(error: Exception, number: int) -> Refused:
 
 
 def mode_events(
-    deck: Playback, mode: Mode, before: tuple[Mode, bool], presses: int = 0, *, pressed: bool = False
+    deck: PlayableDeck, mode: Mode, before: tuple[Mode, bool], presses: int = 0, *, pressed: bool = False
 ) -> Iterator[Event]:
     """The events of a change of mode or pause since `before`, or of the emergency stop `pressed` once more."""
     mode_before, paused_before = before
@@ -50,7 +53,7 @@ class Outcome(NamedTuple):
 class CommandedRun:
     """A run that commands are carried out on; none waits or raises."""
 
-    deck: Playback
+    deck: PlayableDeck
     servos: RigServos | None = None
     body: Pushable | None = None  # what is simulated, if it can be pushed
     restarts: bool = False  # whether the run can be started again with another library
@@ -60,7 +63,6 @@ class CommandedRun:
     def __post_init__(self) -> None:
         self._snapshots = self.snapshots or SnapshotSource(self.deck, self.body)
         self.timed = TimedCommands(self.ticks)
-        self._commandable = self.deck if isinstance(self.deck, Commandable) else None
         self._code = 0.0  # confirms the reset of the present emergency stop from another machine
 
     def carry_out(self, message: DeckCommand, stop: StopRequest, *, remote: bool) -> Outcome:
@@ -68,7 +70,7 @@ class CommandedRun:
         try:
             if stop.mode not in message.row.modes:
                 stop.state.check_released()
-            if self._commandable is None:
+            if isinstance(self.deck, RecordedDeck):
                 message.row.check_use("replay")
             return self._carry_out(message, stop, remote)
         except Exception as error:
@@ -157,9 +159,9 @@ class CommandedRun:
         return done
 
     @property
-    def _deck(self) -> Commandable:
-        assert self._commandable is not None, "rows keep a replay from such commands"
-        return self._commandable
+    def _deck(self) -> Deck:
+        assert not isinstance(self.deck, RecordedDeck), "rows keep a replay from such commands"
+        return self.deck
 
     def _played(self, message: DeckCommand, progress: CommandedSwitch, stop: StopRequest) -> Outcome:
         if stop.mode != "playing":

@@ -1,49 +1,17 @@
-"""The sender of a command, and protocols of what commands act on: a deck, servos, a body to be pushed."""
+"""The sender of a command, and what commands act on: a deck, servos, a body to be pushed."""
 
-# ruff: noqa: D102 (`controller.deck.deck.Deck` and `RigOutput` of a run document what these do)
+# ruff: noqa: D102 (`RigOutput` of a run documents what these do)
 
-from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import NamedTuple, Protocol, runtime_checkable
 
-from controller.deck.switch import CommandedSwitch
+from controller.deck.deck import Deck
+from controller.deck.recorded_deck import RecordedDeck
 from controller.wire.command_socket import Address, CommandServer
 from controller.wire.messages.commands import Side
-from controller.wire.messages.deck_snapshot import DeckState
-from controller.wire.messages.lock_state import LockSource
-from controller.wire.messages.replies import Event, Reply, SecondReply
+from controller.wire.messages.replies import Reply, SecondReply
 
-
-class Playback(DeckState, Protocol):
-    """What commands need of any deck, as `controller.deck.deck.Deck` has it; it refuses by a MotiondeckError."""
-
-    events: deque[Event]  # what has happened and is still to be sent
-    phase_at: float | None  # when the present phase was due by the machine's steady clock, s; None if that is not known
-
-    @property
-    def phase_rate(self) -> float | None: ...
-    def set_tempo(self, factor: float, over: float = 0.0) -> None: ...
-    def pause(self) -> None: ...
-    def step_on(self, seconds: float = 0.0) -> None: ...
-    def resume(self) -> None: ...
-
-
-@runtime_checkable
-class Commandable(Playback, Protocol):
-    """A deck whose motions can be commanded, unlike the replay of a recording."""
-
-    def switch(self, to: str, *, direct: bool = False) -> CommandedSwitch: ...
-    def enqueue(self, to: str) -> CommandedSwitch: ...
-    def blend_in(
-        self, first: str, second: str, weight: float, also: Sequence[tuple[str, float]] = ()
-    ) -> CommandedSwitch: ...
-    def set_input(self, name: str, value: float, seconds: float = ...) -> None: ...
-    def gaze(self, left: float, up: float, ahead: float = ..., seconds: float = ...) -> None: ...
-    def layer(self, group: str, motion: str, weight: float = 1.0, tempo: float = 1.0) -> None: ...
-    def lock(self, source: LockSource, phase: float = 0.0, steps: int = 0) -> None: ...
-    def unlock(self) -> None: ...
-    def beat(self, ago: float = 0.0) -> None: ...
-    def jump(self, phase: float) -> None: ...
+PlayableDeck = Deck | RecordedDeck  # of the replay of a recording the motions cannot be commanded
 
 
 class Look(Protocol):

@@ -8,7 +8,7 @@ import msgspec
 
 from controller.deck.switch import CommandedSwitch
 from controller.loop.commands.commanded_run import refusal
-from controller.loop.commands.interfaces import Client, Look, Playback
+from controller.loop.commands.interfaces import Client, Look, PlayableDeck
 from controller.wire.command_socket import Address
 from controller.wire.messages.commands import DeckCommand, Heartbeat, Subscribe
 from controller.wire.messages.replies import Event, EventKind, Refused, SecondReply, Settled
@@ -31,7 +31,7 @@ class _Listener:
 class Listeners:
     """All listening clients of a deck, its source of events, which pauses when a heartbeat is missed."""
 
-    def __init__(self, deck: Playback, now: Callable[[], float]) -> None:
+    def __init__(self, deck: PlayableDeck, now: Callable[[], float]) -> None:
         self._deck, self._now = deck, now
         self.known: dict[Address, _Listener] = {}
         self._number = 0

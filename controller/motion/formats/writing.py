@@ -1,5 +1,6 @@
 """Writes clips for other programs: BVH with rotations, CSV with positions of joints or markers; and joint angles."""
 
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -8,7 +9,7 @@ import numpy as np
 from controller.motion.clip import Clip, Markers
 from controller.motion.formats.joint_tables import save_joint_table
 from controller.motion.formats.taught_clip import save_taught_clip
-from controller.motion.rotations import Array, conjugate, multiply, rotate, to_matrix
+from controller.motion.rotations import Array, conjugate, multiply, rotate
 from controller.motion.skeleton import ROOT
 from controller.motion.up_axis import TO_OURS
 from motiondeck_base.errors import FileFormatError
@@ -98,14 +99,8 @@ def _numbers(values: Array) -> str:
 
 def _angles(q: Array, order: str) -> Array:
     """Euler angles (T, N, 3), rad, unwrapped in time; the rotation about the last axis comes first."""
-    i, j, k = ("XYZ".index(axis) for axis in order)
-    sign = 1.0 if (j - i) % 3 == 1 else -1.0
-    m = to_matrix(q)
-    level = np.hypot(m[..., j, k], m[..., k, k])
-    middle = np.arctan2(sign * m[..., i, k], level)
-    # At 90 degrees the outer two axes coincide: then the last angle is zero.
-    free = level > 1e-9
-    lone = np.arctan2(sign * m[..., k, j], m[..., j, j])
-    first = np.where(free, np.arctan2(-sign * m[..., j, k], m[..., k, k]), lone)
-    last = np.where(free, np.arctan2(-sign * m[..., i, j], m[..., i, i]), 0.0)
-    return np.unwrap(np.stack([first, middle, last], axis=-1), axis=0)
+    from scipy.spatial.transform import Rotation  # slow to import
+
+    with warnings.catch_warnings(action="ignore"):  # where the outer two axes coincide, the last angle is zero
+        angles = Rotation.from_quat(q.reshape(-1, 4), scalar_first=True).as_euler(order)
+    return np.unwrap(angles.reshape(*q.shape[:-1], 3), axis=0)

@@ -1,14 +1,11 @@
-"""The state of a run at one tick, taken from its parts; a status reply, and numbers for page and recorder.
+"""The state of a run at one tick: a status reply, and numbers for page and recorder.
 
-A new value is one field of `DeckSnapshot` and its line in `SnapshotSource.take`; replies, telemetry, recordings and the
-page have it then (`controller/wire/snapshot_numbers.py`).
+A new value is one field of `DeckSnapshot` and its line in `SnapshotSource.take` (`controller/loop/snapshots.py`);
+replies, telemetry, recordings and the page have it then (`controller/wire/snapshot_numbers.py`).
 """
 
-# ruff: noqa: D102 (`DeckSnapshot` says what the properties of the protocols are)
-
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Literal, NamedTuple, Protocol, get_args
+from typing import Annotated, Literal, NamedTuple, get_args
 
 import msgspec
 
@@ -61,7 +58,7 @@ class TickHealth(NamedTuple):
     work_p50_us: float | None = None
 
 
-_NO_HEALTH = TickHealth()
+NO_HEALTH = TickHealth()
 
 
 class DeckSnapshot(msgspec.Struct, frozen=True, kw_only=True):
@@ -99,128 +96,4 @@ class DeckSnapshot(msgspec.Struct, frozen=True, kw_only=True):
     work_us: float = 0.0  # work of the tick before, us
     overruns: int = 0
     rate_hz: float = 0.0
-    health: TickHealth = _NO_HEALTH
-
-
-class DeckState(Protocol):
-    """The state of a deck; see `DeckSnapshot`, and `controller.deck.deck.Deck` for what is not there."""
-
-    time: float
-    motions: tuple[str, ...]
-    tempo: float
-    commanded_tempo: float
-    paused: bool
-
-    @property
-    def motion(self) -> str: ...
-    @property
-    def playing(self) -> str: ...
-    @property
-    def way(self) -> Sequence[str]: ...
-    @property
-    def queue(self) -> list[str]: ...
-    @property
-    def blend(self) -> tuple[tuple[str, float], ...]: ...
-    @property
-    def fell_back(self) -> str: ...
-    @property
-    def phase(self) -> float | None: ...
-    @property
-    def inputs(self) -> dict[str, float]: ...
-    @property
-    def layered(self) -> dict[str, str]: ...
-    @property
-    def lock_state(self) -> LockState | None: ...
-    @property
-    def settled(self) -> bool: ...
-    @property
-    def restarts(self) -> int: ...
-
-
-class RunMode(Protocol):
-    """The mode of a run; see `DeckSnapshot`."""
-
-    approaching: bool
-
-    @property
-    def mode(self) -> Mode: ...
-
-
-class LoopFigures(Protocol):
-    """The figures of a loop; see `controller.loop.loop.LoopState`."""
-
-    tick: int
-    seconds: float
-    began_ns: int
-    late_ns: int
-    work_ns: int
-    overruns: int
-
-    @property
-    def rate(self) -> float: ...
-
-
-class RecognitionState(Protocol):
-    """Recognition during a run; see `DeckSnapshot`."""
-
-    @property
-    def seen(self) -> Recognized | None: ...
-    @property
-    def mismatch_s(self) -> float: ...
-    @property
-    def stuck(self) -> str: ...
-
-
-class FallingBody(Protocol):
-    """A simulated body that can fall."""
-
-    fallen: bool
-
-
-@dataclass
-class SnapshotSource:
-    """The parts of a run that its snapshots are taken from; only the deck is needed."""
-
-    deck: DeckState
-    body: FallingBody | None = None
-    recognition: RecognitionState | None = None
-    kept_apart: Callable[[], int] | None = None  # counts the ticks in which limbs were kept from colliding
-    loop: LoopFigures | None = None
-    health: TickHealth = _NO_HEALTH  # the last percentiles, set from outside
-
-    def take(self, run: RunMode | None = None) -> DeckSnapshot:
-        """The present state of a run in this mode."""
-        deck, loop, recognition = self.deck, self.loop, self.recognition
-        return DeckSnapshot(
-            motion=deck.motion,
-            playing=deck.playing,
-            way=tuple(deck.way),
-            queue=deck.queue,
-            blend=tuple(map(BlendPart._make, deck.blend)),
-            fell_back=deck.fell_back,
-            tempo=deck.tempo,
-            commanded_tempo=deck.commanded_tempo,
-            phase=deck.phase,
-            inputs=deck.inputs,
-            layers=deck.layered,
-            lock=deck.lock_state,
-            paused=deck.paused,
-            switching=not deck.settled,
-            restarts=deck.restarts,
-            at=deck.time,
-            mode=run.mode if run is not None else "playing",
-            approaching=run is not None and run.approaching,
-            fallen=self.body is not None and self.body.fallen,
-            seen=recognition.seen if recognition is not None else None,
-            mismatch_s=recognition.mismatch_s if recognition is not None else 0.0,
-            stuck=recognition.stuck if recognition is not None else "",
-            kept_apart=self.kept_apart() if self.kept_apart is not None else 0,
-            tick=loop.tick if loop is not None else 0,
-            run_s=loop.seconds if loop is not None else 0.0,
-            clock_s=1e-9 * loop.began_ns if loop is not None else 0.0,
-            late_us=1e-3 * loop.late_ns if loop is not None else 0.0,
-            work_us=1e-3 * loop.work_ns if loop is not None else 0.0,
-            overruns=loop.overruns if loop is not None else 0,
-            rate_hz=loop.rate if loop is not None else 0.0,
-            health=self.health,
-        )
+    health: TickHealth = NO_HEALTH

@@ -23,7 +23,8 @@ from motiondeck.cli.common.options import (
     grouped,
 )
 from motiondeck_base.errors import MotiondeckError
-from motiondeck_base.files import check_folder
+from motiondeck_base.files import check_folder, write_file
+from motiondeck_base.progress import progress
 
 if TYPE_CHECKING:
     from controller.learning.centralized.reconstruction import Gap
@@ -271,8 +272,6 @@ def _fill_markers(file: Path, out: Path, as_json: bool) -> None:
     from controller.learning.centralized.reconstruction import fill_missing, gaps_of
     from controller.motion.formats.markers.c3d import read_c3d, with_points
     from controller.motion.formats.writing import markers_csv
-    from motiondeck_base.files import write_file
-    from motiondeck_base.progress import progress
 
     if file.suffix.lower() != ".c3d":
         raise MotiondeckError(f"{file}: only markers (.c3d) have gaps; other recordings hold whole skeletons")

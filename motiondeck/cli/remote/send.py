@@ -7,17 +7,17 @@ import sys
 import threading
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 from typer import Argument, Option
 
-from controller.wire.command_socket import DEFAULT_PORT
-from controller.wire.messages.command_table import COMMANDS
-
-if TYPE_CHECKING:
-    from controller.wire.command_socket import CommandClient
-    from controller.wire.messages.replies import State
+from controller.wire.authentication import read_token
+from controller.wire.command_socket import DEFAULT_PORT, CommandClient
+from controller.wire.messages.command_table import COMMANDS, checked, parse_command
+from controller.wire.messages.commands import Blend, EmergencyStop, GetStatus, Heartbeat, Subscribe
+from controller.wire.messages.replies import Accepted, Event, Refused, Settled, State
+from motiondeck_base.errors import MotiondeckError
 
 _LONGEST_WAIT = 120.0  # s for --wait: a switch by way of other motions takes that long
 _STARTING = 5.0  # s that a deck may take from opening its socket to its first tick
@@ -60,11 +60,7 @@ def send(
     """
     import msgspec
 
-    from controller.wire.messages.command_table import parse_command
-    from controller.wire.messages.commands import Blend, EmergencyStop
-    from controller.wire.messages.replies import Accepted, Refused, Settled
     from motiondeck.run.terminal import describe, help_on
-    from motiondeck_base.errors import MotiondeckError
 
     for word in words:
         if word.startswith("-") and not _is_number(word):
@@ -132,11 +128,7 @@ def events(
     """
     import msgspec
 
-    from controller.wire.messages.command_table import checked
-    from controller.wire.messages.commands import Heartbeat, Subscribe
-    from controller.wire.messages.replies import Event, Refused
     from motiondeck.run.terminal import describe
-    from motiondeck_base.errors import MotiondeckError
 
     every = min(_AGAIN, heartbeat / 4.0) if heartbeat else _AGAIN
     client = client_of(command_port, host, token_file)
@@ -172,10 +164,7 @@ def events(
 
 def state_of(client: CommandClient) -> State:
     """What a deck plays, which may be starting still; MotiondeckError if it does not say so."""
-    from controller.wire.messages.commands import GetStatus
-    from controller.wire.messages.replies import State
     from motiondeck.run.terminal import describe
-    from motiondeck_base.errors import MotiondeckError
 
     state = client.request(GetStatus(), _STARTING)
     if not isinstance(state, State):
@@ -185,9 +174,6 @@ def state_of(client: CommandClient) -> State:
 
 def client_of(command_port: int, host: str | None, token_file: Path | None) -> CommandClient:
     """A client of the deck that the options name."""
-    from controller.wire.authentication import read_token
-    from controller.wire.command_socket import CommandClient
-    from motiondeck_base.errors import MotiondeckError
 
     if (host is None) != (token_file is None):
         raise MotiondeckError("a deck on another machine needs both --host ADDRESS and --token-file FILE")

@@ -12,14 +12,16 @@ from typing import TYPE_CHECKING, Annotated
 from typer import Argument
 
 from controller.wire.command_socket import DEFAULT_PORT
+from controller.wire.messages.commands import DeckCommand, Gaze, GiveBeat, Pause, SetInput, SetTempo
+from controller.wire.messages.replies import Refused, Reply
 from motiondeck.cli.remote.send import CommandPort, Host, TokenFile, client_of, state_of
 from motiondeck_base.counted import counted
+from motiondeck_base.errors import FileFormatError, MotiondeckError, UnknownNameError
 from motiondeck_base.printable import printable
+from motiondeck_base.shipped import find_stage
 
 if TYPE_CHECKING:
     from controller.wire.command_socket import CommandClient
-    from controller.wire.messages.commands import DeckCommand
-    from controller.wire.messages.replies import Reply
     from motiondeck.stage.bridge import Input
     from motiondeck.stage.stage_file import StageMap
 
@@ -52,14 +54,11 @@ def stage(
 
     Examples:  motiondeck stage osc      motiondeck stage show.toml
     """
-    from controller.wire.messages.commands import Pause
     from motiondeck.stage.bridge import Bridge
     from motiondeck.stage.midi import MidiInput
     from motiondeck.stage.midi_port import MidiGoneError, open_midi_port
     from motiondeck.stage.osc import OscInput, OscOutput
     from motiondeck.stage.stage_file import read_stage
-    from motiondeck_base.errors import MotiondeckError
-    from motiondeck_base.shipped import find_stage
 
     path = find_stage(file)
     mapped = read_stage(path)
@@ -89,7 +88,6 @@ def stage(
 
 
 def _check_motions(mapped: StageMap, path: Path, client: CommandClient) -> None:
-    from motiondeck_base.errors import FileFormatError, UnknownNameError
 
     state = state_of(client)
     named = {motion: pattern for pattern in mapped.patterns for motion in pattern.motions}
@@ -119,8 +117,6 @@ def _summary(mapped: StageMap) -> str:
 
 def _print_reply(source: str, command: DeckCommand, reply: Reply) -> None:
     """Prints a command and its reply; of those that come again and again only what is refused."""
-    from controller.wire.messages.commands import Gaze, GiveBeat, SetInput, SetTempo
-    from controller.wire.messages.replies import Refused
     from motiondeck.run.terminal import describe
 
     if isinstance(reply, Refused) or not isinstance(command, Gaze | GiveBeat | SetTempo | SetInput):

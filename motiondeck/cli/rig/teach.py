@@ -18,8 +18,9 @@ from typer import Option
 from motiondeck.cli.common.options import JsonOption
 from motiondeck.cli.rig.line_input import LineInput
 from motiondeck.cli.rig.rig_port import PortOption, RigArgument, aside, ended_by_sigterm, load, open_buses
-from motiondeck_base.errors import MotiondeckError
+from motiondeck_base.errors import FileFormatError, MotiondeckError
 from motiondeck_base.files import check_folder
+from motiondeck_base.shipped import find_rig
 
 if TYPE_CHECKING:
     from controller.motion.clip import Plays
@@ -119,7 +120,6 @@ def _write_keys(rig: str, out: Path, port: list[str] | None, plays: Plays | None
     from motiondeck.page.keys.rehearsal import Rehearsal
     from motiondeck.run.beside.child_process import free_port
     from motiondeck.run.robots.rig_on_deck import robot_of
-    from motiondeck_base.shipped import find_rig
 
     check_folder(out)
     config, file = load(rig), find_rig(rig)
@@ -187,7 +187,6 @@ class _Session:
     def record_motions(self, parts: list[tuple[RigConfig, Bus]], folder: Path) -> None:
         """Prompts for names and records a motion for each, or another take of one that exists."""
         from controller.learning.recipe import check_name
-        from motiondeck_base.errors import FileFormatError
 
         while not self.cut_short and (name := self.typed.ask("Name of the next motion (Enter ends) ")):
             try:
@@ -258,7 +257,6 @@ class _Session:
         from controller.motion.encodings.joint_angles import angles_of
         from controller.motion.formats.taught_clip import read_taught_clip
         from hardware.tools.teaching import beyond_limits
-        from motiondeck_base.errors import FileFormatError
 
         rate = self.config.rate_hz
         doubts = [

@@ -10,7 +10,11 @@ from typer import Argument, Option
 
 from motiondeck.cli.common.options import PAGE_PORT, JobsOption, JsonOption, PagePortOption, SolverOption
 from motiondeck_base.counted import counted
+from motiondeck_base.errors import MotiondeckError
+from motiondeck_base.files import write_file
 from motiondeck_base.jobs import Jobs
+from motiondeck_base.progress import collected
+from motiondeck_base.shipped import find_library, shipped_configs
 
 if TYPE_CHECKING:
     from sim.robots.verdict import RobotVerdict
@@ -39,7 +43,6 @@ def list_robots(
 
     Example:  motiondeck robot list --catalogue
     """
-    from motiondeck_base.shipped import shipped_configs
     from sim.models.robot_file import read_robot_file
     from sim.robots.catalogue import menagerie_package
 
@@ -136,9 +139,6 @@ def calibrate(
     from motiondeck.cli.common.options import check_new
     from motiondeck.cli.common.verdict_report import print_verdicts, verdicts_on
     from motiondeck.cli.robot.calibration import LIBRARY, MOTIONS, decided, packages, print_report, report_of, try_robot
-    from motiondeck_base.errors import MotiondeckError
-    from motiondeck_base.files import write_file
-    from motiondeck_base.shipped import find_library
     from sim.robots.catalogue import model_file
 
     found = decided(model_file(model), packages(package or []))
@@ -239,7 +239,6 @@ def check(
     from motiondeck.cli.robot.check import answer, passes, print_rows, recordings
     from motiondeck.cli.robot.check import check as rows_of
     from motiondeck.run.spec.run_spec import check_seconds
-    from motiondeck_base.progress import collected
     from sim.models.robot_file import solver_named
     from sim.robots.catalogue import find_robot
 

@@ -12,6 +12,7 @@ from typer import Argument, Option
 
 from motiondeck.cli.common.options import JobsOption, JsonOption, SolverOption
 from motiondeck_base.counted import counted
+from motiondeck_base.progress import collected, progress
 
 if TYPE_CHECKING:
     from controller.motion.clip import ReadingOptions
@@ -67,7 +68,6 @@ def retarget(
     """
     from controller.learning.learn import recordings_in
     from motiondeck_base.jobs import Jobs
-    from motiondeck_base.progress import collected
     from sim.models.robot_file import solver_named
     from sim.robots.catalogue import find_robot
     from sim.robots.retarget_files import retarget_files
@@ -139,7 +139,6 @@ def stand(
 ) -> list[StoodFile]:
     """Looks for each recording's motion on the robot's feet; a terminal shows how far it is."""
     from controller.motion.clip import AS_FOUND
-    from motiondeck_base.progress import progress
     from sim.physical.files import stood_files
 
     with progress("", None) as tick:

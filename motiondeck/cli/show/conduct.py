@@ -17,6 +17,7 @@ from typer import Argument, Option
 
 from motiondeck.cli.common.options import SHOW_PAGE_PORT
 from motiondeck_base.counted import counted
+from motiondeck_base.errors import FileFormatError, MotiondeckError
 from motiondeck_base.printable import printable
 
 if TYPE_CHECKING:
@@ -104,7 +105,6 @@ def conduct(
 
 def _member(show: str, file: Path, certificates: Path | None, *, listens: bool) -> Membership:
     from motiondeck.shows.membership import CONDUCTOR, on_this_machine, with_certificates
-    from motiondeck_base.errors import FileFormatError, MotiondeckError
 
     if certificates is None:
         return on_this_machine(show, CONDUCTOR if listens else f"stop-{os.getpid()}", listens=listens)
@@ -162,7 +162,7 @@ def show_page(port: int) -> Iterator[ShowPage]:
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     with (
         theirs,
-        child_process("motiondeck.page.show.viewer", "--port", str(port), stdin=theirs.fileno(), own_session=True),
+        child_process("motiondeck.page.show.viewer", str(port), stdin=theirs.fileno(), own_session=True),
     ):
         theirs.close()
         with ours:
@@ -214,7 +214,6 @@ def receive_from_page(conductor: Conductor, page: ShowPage, notify: Notify) -> b
 def carry_out(conductor: Conductor, line: str, notify: Notify, *, as_json: bool) -> bool:
     """Carries out a typed line; False to end."""
     from controller.wire.messages.command_table import BY_WORD
-    from motiondeck_base.errors import MotiondeckError
 
     words = line.split()
     match words:
@@ -300,7 +299,6 @@ def _stop_all(link: Link, decks: list[str]) -> None:
     from motiondeck.shows.conductor import STOP_REPORTED_AFTER
     from motiondeck.shows.link import STOP_AGAIN
     from motiondeck.shows.messages import DeckHealth, EmergencyStopAll, encode, read
-    from motiondeck_base.errors import MotiondeckError
 
     stop = EmergencyStopAll("conduct --stop", os.urandom(8).hex())
     here = {*decks}

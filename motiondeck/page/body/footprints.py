@@ -1,13 +1,12 @@
-"""Steps: when the feet of a motion stand on the ground, and the prints they leave there."""
+"""Steps: when feet stand on the ground, and the prints they leave there; in a clip as in a run."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.motion.clip import runs
 from controller.motion.rotations import Array
 from sim.models.feet import Foot
 from sim.models.scenery import body_height
@@ -20,61 +19,26 @@ RISE = 0.5  # 1/s, so fast the ground follows the lowest foot upwards; down it f
 LIFTED = 0.004  # heights: prints are drawn so far above the floor, or they would flicker
 
 
-@dataclass(frozen=True)
-class Print:
-    """Where a foot stood."""
+class Print(NamedTuple):
+    """Where a foot has stood from a frame on."""
 
-    foot: int  # which one
-    first: int  # the first and the last frame in which it stood
-    last: int
+    frame: int
     corners: Array  # of its sole on the floor, shape (4, 3), m
 
 
-def soles(model: mujoco.MjModel, frames: Array, feet: Sequence[Foot]) -> Array:
-    """Where the corners of the feet are, shape (T, F, 4, 3), m, in frames of qpos (T, nq)."""
-    data, out = mujoco.MjData(model), np.empty((len(frames), len(feet), 4, 3))
+def followed(
+    model: mujoco.MjModel, frames: Array, feet: Sequence[Foot], rate: float
+) -> tuple[Array, NDArray[np.bool_], list[Print]]:
+    """What a `StepWatch` sees in frames of qpos (T, nq) at a rate, Hz: soles (T, F, 4, 3), m, stands (T, F), prints."""
+    data, watch = mujoco.MjData(model), StepWatch(feet, body_height(model))
+    soles, stands, prints = [], [], list[Print]()
     for frame, qpos in enumerate(frames):
         data.qpos[:] = qpos
         mujoco.mj_kinematics(model, data)
-        for index, foot in enumerate(feet):
-            out[frame, index] = _corners(foot, data)
-    return out
-
-
-def _corners(foot: Foot, data: mujoco.MjData) -> Array:
-    body = data.body(foot.body)
-    return body.xpos + foot.corners @ body.xmat.reshape(3, 3).T
-
-
-def standing(corners: Array, rate: float, height: float) -> NDArray[np.bool_]:
-    """Which feet stand, shape (T, F), given their corners (T, F, 4, 3), m, at a rate in Hz, for a body so high, m."""
-    # The ground is where the lowest corners are most of the time: recordings know it only to some centimetres. A foot
-    # that trembles off it for a moment goes on standing, one that brushes it does not stand.
-    low = corners[..., 2].min(axis=2)
-    ground = np.quantile(low.min(axis=1), 0.2) if low.size else 0.0
-    middle = corners.mean(axis=2)
-    step = np.diff(middle, axis=0, prepend=middle[:1])
-    speed = np.linalg.norm(step, axis=-1) * rate
-    stands = (low < ground + NEAR * height) & (speed < STILL * height)
-    for foot in range(stands.shape[1]):
-        for first, end in runs(~stands[:, foot]):
-            if end - first <= MOMENT * rate and first > 0 and end < len(stands):
-                stands[first:end, foot] = True
-        for first, end in runs(stands[:, foot]):
-            if end - first <= MOMENT * rate and end - first < len(stands):
-                stands[first:end, foot] = False
-    return stands
-
-
-def footprints(model: mujoco.MjModel, corners: Array, stands: NDArray[np.bool_]) -> list[Print]:
-    """One print for each time that a foot stands, drawn where it stood in the middle of that time."""
-    prints: list[Print] = []
-    for foot in range(stands.shape[1]):
-        for first, end in runs(stands[:, foot]):
-            flat = corners[(first + end) // 2, foot].copy()
-            flat[:, 2] = LIFTED * body_height(model)
-            prints.append(Print(foot, first, end - 1, flat))
-    return sorted(prints, key=lambda p: p.first)
+        prints += [Print(frame, corners) for corners in watch(data, 1.0 / rate)]
+        soles.append(watch.corners)
+        stands.append(watch.stands)
+    return np.array(soles), np.array(stands), prints
 
 
 class StepWatch:
@@ -92,7 +56,8 @@ class StepWatch:
         """The corners (4, 3), m, of the prints that are left dt seconds after the last picture."""
         if not self._feet:
             return []
-        corners = np.array([_corners(foot, data) for foot in self._feet])
+        bodies = ((foot, data.body(foot.body)) for foot in self._feet)
+        corners = np.array([body.xpos + foot.corners @ body.xmat.reshape(3, 3).T for foot, body in bodies])
         before = self.corners if self._started else corners
         self.corners, self._started = corners, True
         low = corners[..., 2].min(axis=1)

@@ -3,7 +3,6 @@
 Its standard input is a connected socket: the conductor tells it states and notices, and hears words, as if typed.
 """
 
-import argparse
 import os
 import select
 import socket
@@ -120,16 +119,11 @@ def _receive(conductor: socket.socket) -> bytes:
         return b""
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """The command line of this process; returns its exit code."""
-    parser = argparse.ArgumentParser(
-        prog="python -m motiondeck.page.show.viewer", description="Shows a show in the browser."
-    )
-    parser.add_argument("--port", type=int, required=True, help="where to serve the page, on loopback")
-    options = parser.parse_args(arguments)
+def main(port: str) -> int:
+    """The command line of this process: where to serve the page, on loopback; returns its exit code."""
     try:
         with socket.socket(fileno=os.dup(0)) as given:
-            view(given, options.port)
+            view(given, int(port))
     except MotiondeckError as error:
         print(f"motiondeck: {error}", file=sys.stderr)
         return 1
@@ -137,4 +131,4 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(main(*sys.argv[1:]))

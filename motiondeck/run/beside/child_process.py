@@ -58,9 +58,7 @@ def page_process(port: int, command_port: int) -> Iterator[PageProcess]:
     port = free_port(port)
     with run_folder() as folder:
         state = folder / "state"
-        with child_process(
-            "motiondeck.page.viewer", "--state", str(state), "--port", str(port), own_session=True
-        ) as process:
+        with child_process("motiondeck.page.viewer", str(state), str(port), own_session=True) as process:
             yield PageProcess(state, process, port)
 
 

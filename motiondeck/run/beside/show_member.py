@@ -62,7 +62,6 @@ def show_member(show: str, command_port: int, library: MotionLibrary, robot: str
     frames = library.info.rate
     rounds = {motion.name: motion.frames / frames if motion.plays == "loop" else 0.0 for motion in library.info.motions}
     about = msgspec.json.encode(About(robot, library.info.name, rate, rounds, socket.gethostname())).decode()
-    ports = ("--command-port", str(command_port), "--leader-port", str(port))
-    arguments = ("--show", show, *ports, "--about", about)
+    arguments = show, str(command_port), str(port), about
     with child_process("motiondeck.shows.member_process", *arguments, own_session=True) as process:
         yield ShowMember(process, port)

@@ -111,8 +111,7 @@ def recording(out: Path, description: Mapping[str, Any], rate: float) -> Iterato
     with run_folder() as folder:
         state = folder / "ticks"
         writer = StateWriter.create(state, description, fields, slots=max(2, int(np.ceil(KEPT_SECONDS * rate))))
-        arguments = ("--state", str(state), "--out", str(out))
-        with child_process("controller.wire.recorder", *arguments, patience=_PATIENCE) as process:
+        with child_process("controller.wire.recorder", str(state), str(out), patience=_PATIENCE) as process:
             try:
                 yield TickRecorder(writer, numbers, description["motions"], process, state, out)
             finally:

@@ -14,11 +14,12 @@ from numpy.typing import NDArray
 
 from controller.deck.interfaces import JointLimits, Retargeter
 from controller.library.motion_library import MotionLibrary
+from controller.loop.commands.interfaces import PlayableDeck
 from controller.loop.loop import LoopState
 from controller.loop.output_channel import Channel
 from controller.loop.stop_requests import StopRequest
 from controller.motion.skeleton import Skeleton
-from controller.wire.messages.deck_snapshot import DeckState, Recognized
+from controller.wire.messages.deck_snapshot import Recognized
 from motiondeck.run.robots.robot_on_deck import RobotOnDeck
 
 if TYPE_CHECKING:
@@ -50,7 +51,7 @@ class BodyWatch:
         """The recognized motion, with its confidence; None while none is certain."""
         return Recognized(self._body.seen, self._body.online.confidence) if self._body.seen is not None else None
 
-    def update(self, state: LoopState, deck: DeckState, stop: StopRequest) -> None:
+    def update(self, state: LoopState, deck: PlayableDeck, stop: StopRequest) -> None:
         """Takes in one tick; while the deck's time stands still there is nothing to be seen."""
         dt = deck.time - self._time if self._time is not None else 0.0
         if dt <= 0.0 and self._time is not None:
@@ -147,7 +148,7 @@ class RecognitionWatch:
         stuck = self.watch.stuck
         return self._joints[int(stuck.argmax())] if stuck.any() else ""
 
-    def update(self, state: LoopState, deck: DeckState, stop: StopRequest) -> None:
+    def update(self, state: LoopState, deck: PlayableDeck, stop: StopRequest) -> None:
         """Takes in one tick; an alarm is printed once, and ends the run if that is the policy."""
         played = stop.mode == "playing" and deck.time != self._time
         self._time = deck.time

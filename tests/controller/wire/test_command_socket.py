@@ -18,6 +18,7 @@ from controller.loop.commands.command_handler import CommandHandler
 from controller.loop.commands.commanded_run import CommandedRun
 from controller.loop.loop import run
 from controller.loop.safety.safety_envelope import SafetyEnvelope
+from controller.loop.snapshots import SnapshotSource
 from controller.loop.stop_requests import StopRequest
 from controller.motion.skeleton import Pose
 from controller.wire.command_socket import CommandClient, CommandServer, SocketError
@@ -44,7 +45,7 @@ from controller.wire.messages.commands import (
     Unlock,
     encode,
 )
-from controller.wire.messages.deck_snapshot import Recognized, SnapshotSource
+from controller.wire.messages.deck_snapshot import Recognized
 from controller.wire.messages.lock_state import LockState
 from controller.wire.messages.replies import Accepted, PhaseNow, Refused, Reply, Settled, State, read_reply
 from motiondeck_base.errors import MotiondeckError, UnknownNameError

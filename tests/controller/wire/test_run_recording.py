@@ -171,9 +171,7 @@ def test_a_deck_that_is_killed_leaves_a_whole_recording(tmp_path):
     deck = subprocess.Popen([sys.executable, "-c", DYING_DECK, str(state)], stdin=subprocess.PIPE)
     while not state.exists():
         time.sleep(0.02)
-    recorder = subprocess.Popen(
-        [sys.executable, "-m", "controller.wire.recorder", "--state", str(state), "--out", str(out)]
-    )
+    recorder = subprocess.Popen([sys.executable, "-m", "controller.wire.recorder", str(state), str(out)])
     while not out.exists():
         time.sleep(0.02)
     deck.communicate(b"\n")
@@ -185,7 +183,7 @@ def test_a_deck_that_is_killed_leaves_a_whole_recording(tmp_path):
 def test_without_a_deck_the_recorder_says_so(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr("controller.wire.recorder.signal.signal", lambda *_: None)
     monkeypatch.setattr("controller.wire.recorder.os.nice", lambda _: 0)
-    assert main(["--state", str(tmp_path / "none"), "--out", str(tmp_path / "r")]) == 1
+    assert main(str(tmp_path / "none"), str(tmp_path / "r")) == 1
     assert "is the deck running" in capsys.readouterr().err
 
 

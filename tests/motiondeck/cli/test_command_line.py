@@ -279,20 +279,6 @@ def test_a_mistake_in_a_process_ends_in_the_same_line():
     assert len(run.stderr.strip().splitlines()) == 1
 
 
-@pytest.mark.parametrize(
-    ("words", "new"),
-    [
-        (("fit", "mine.toml"), "'fit' is gone: use motiondeck learn RECIPE.toml."),
-        (("clip", "mirror", "a.bvh", "b.bvh"), "'mirror' is gone: use motiondeck clip convert FILE OUT --mirror."),
-    ],
-)
-def test_a_command_that_is_gone_names_the_new_one(words, new):
-    run = process(*words)
-    assert run.returncode == 2
-    assert run.stderr.startswith(f"motiondeck: {new}")
-    assert len(run.stderr.splitlines()) == 1
-
-
 def test_help_lists_the_commands_in_panels(monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
     shown = motiondeck("--help").stdout

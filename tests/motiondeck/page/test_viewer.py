@@ -132,7 +132,7 @@ def deck(tmp_path):
 
 
 def start(deck, port):
-    arguments = ["--state", str(deck.state), "--command-port", str(deck.server.port), "--port", str(port)]
+    arguments = [str(deck.state), str(port), str(deck.server.port)]
     return subprocess.Popen([sys.executable, "-m", "motiondeck.page.viewer", *arguments], stdout=subprocess.PIPE)
 
 
@@ -295,7 +295,7 @@ def reachable(port):
 
 def test_the_view_ends_with_the_process_that_started_it(deck, tmp_path):
     port = free_port()
-    arguments = ["--state", str(deck.state), "--command-port", str(deck.server.port), "--port", str(port)]
+    arguments = [str(deck.state), str(port), str(deck.server.port)]
     starter = "import subprocess, sys; "
     starter += f"print(subprocess.Popen([sys.executable, '-m', 'motiondeck.page.viewer', *{arguments!r}]).pid)"
     starter += "; sys.stdout.flush(); sys.stdin.read()"
@@ -312,7 +312,7 @@ def test_the_view_ends_with_the_process_that_started_it(deck, tmp_path):
 
 def test_without_a_deck_there_is_one_clear_line(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr("motiondeck.page.viewer.LONGEST_WAIT", 0.1)
-    assert main(["--state", str(tmp_path / "none"), "--command-port", "1", "--port", str(free_port())]) == 1
+    assert main(str(tmp_path / "none"), str(free_port()), "1") == 1
     said = capsys.readouterr().err
     assert said.startswith("motiondeck: ")
     assert "none" in said
@@ -324,7 +324,7 @@ def test_a_taken_port_is_one_clear_line(deck, capsys):
         holder.bind(("127.0.0.1", 0))
         holder.listen()
         port = holder.getsockname()[1]
-        assert main(["--state", str(deck.state), "--command-port", "1", "--port", str(port)]) == 1
+        assert main(str(deck.state), str(port), "1") == 1
     assert f"port {port}" in capsys.readouterr().err
 
 

@@ -1,7 +1,6 @@
 """A rig alone in a run: what is played on it, what is refused, what its page and its recording show."""
 
 import json
-import re
 
 import numpy as np
 import pytest
@@ -121,13 +120,3 @@ def test_a_run_of_a_rig_alone_is_switched_by_a_script_recorded_and_replayed(rig,
     assert swing == pytest.approx([0.6, 0.6], abs=0.15)
     again = json.loads(invoked("replay", str(out), *common, catch_exceptions=False).stdout.splitlines()[-1])
     assert (again["reason"], again["rig"]["joints"]) == ("played to the end", 2)
-
-
-def test_the_old_command_names_the_new_one(monkeypatch, capsys):
-    from motiondeck.cli.main import main
-
-    monkeypatch.setattr("sys.argv", ["motiondeck", "rig", "play", "head.toml", "talk.clip"])
-    with pytest.raises(SystemExit) as ended:
-        main()
-    assert ended.value.code == 2
-    assert re.search(r"'play' is gone: use motiondeck play CLIP_OR_LIBRARY --rig RIG", capsys.readouterr().err)

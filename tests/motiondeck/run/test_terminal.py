@@ -168,36 +168,6 @@ class Answering:
         self._thread.join()
 
 
-def terminal(port, lines):
-    return subprocess.run(
-        [sys.executable, "-m", "motiondeck.run.terminal", "--command-port", str(port)],
-        input=lines,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-
-
-def test_lines_from_a_pipe_are_carried_out_one_after_the_other():
-    with Answering() as deck:
-        done = terminal(deck.server.port, "jog\n\ntempo 2\ntempo 20\nhelp\nquit\n")
-    assert (done.returncode, done.stderr) == (0, "")
-    told = done.stdout.splitlines()
-    assert told[:3] == ["accepted", "settled on jog after 0.50 s", "accepted"]
-    assert "from -3 to 3" in told[3]
-    assert told[4].startswith("MOTION ")
-    assert told[-1] == "accepted"
-    assert deck.heard == [Switch, SetTempo, Stop]
-
-
-def test_with_no_deck_it_says_so_and_fails():
-    server = CommandServer(0)
-    server.close()
-    done = terminal(server.port, "jog\n")
-    assert (done.returncode, done.stdout) == (1, "")
-    assert done.stderr == f"motiondeck: no deck is running on port {server.port}; start one with: motiondeck play\n"
-
-
 PROMPT = "\x1b[?25h"  # the cursor shown again, after the prompt was drawn
 
 
@@ -207,7 +177,7 @@ class Typist:
     def __init__(self, port):
         self.hand, far = pty.openpty()
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "motiondeck.run.terminal", "--command-port", str(port)],
+            [sys.executable, "-m", "motiondeck.run.terminal", str(port)],
             stdin=far,
             stdout=far,
             stderr=far,
@@ -236,11 +206,26 @@ def test_a_person_switches_by_name_and_the_prompt_ends_with_the_deck():
         person.wait_for("accepted")
         person.wait_for("settled on jog after 0.50 s")
         person.wait_for(PROMPT)
+        person.type("tempo 20\r")
+        person.wait_for("from -3 to 3")
+        person.wait_for(PROMPT)
+        person.type("help\r")
+        person.wait_for("switch to a motion")
+        person.wait_for(PROMPT)
         person.type("\x03")
         person.wait_for("The deck has ended.")
         assert person.process.wait(30.0) == 0
         os.close(person.hand)
     assert (deck.heard[0], deck.heard[-1], Switch in deck.heard) == (GetStatus, Stop, True)
+
+
+def test_with_no_deck_it_says_so_and_fails():
+    server = CommandServer(0)
+    server.close()
+    person = Typist(server.port)
+    person.wait_for(f"motiondeck: no deck is running on port {server.port}; start one with: motiondeck play")
+    assert person.process.wait(30.0) == 1
+    os.close(person.hand)
 
 
 def test_listening_ends_when_the_deck_goes_away(capsys, monkeypatch):
