@@ -10,6 +10,7 @@ from controller.learning.preparation.loops import hold_end
 from controller.learning.preparation.training_motion import Lessons, TrainingMotion
 from controller.learning.reservoirs.conceptor_training import ConceptorRecipe, conceptor_network, load_reservoir
 from controller.learning.trainers.centralized import CentralizedRecipe
+from controller.learning.trainers.clip import ClipRecipe
 from controller.learning.trainers.echo_state import EchoStateRecipe
 from controller.learning.trainers.phase_conceptor import PhaseRecipe
 from controller.learning.trainers.phase_echo_state import PhaseEchoStateRecipe
@@ -179,6 +180,7 @@ NETWORKS = {
     "shared-conceptor": lambda: small_shared_conceptor(readout="shared"),
     "shared-conceptor in pieces": lambda: small_shared_conceptor(piece_seconds=0.5),
     "centralized": small_centralized,
+    "clip": lambda: trained(ClipRecipe()),
 }
 """Small networks of every kind, made when called; the phase-driven ones play `bow` and `wave` in pieces."""
 

@@ -33,7 +33,6 @@ from pathlib import Path
 
 import msgspec
 import numpy as np
-from scipy.interpolate import BSpline, make_lsq_spline
 from threadpoolctl import threadpool_limits
 
 from controller.deck.tracks.frame_player import FramePlayer
@@ -42,6 +41,7 @@ from controller.learning.measures.disturbance import disturbed
 from controller.learning.measures.self_test import Judge, after_disturbance, self_test
 from controller.learning.recipe import MotionRecipe, NetworkRecipe, read_recipe
 from controller.learning.reservoirs.conceptor_training import ConceptorRecipe
+from controller.learning.trainers.clip import ClipRecipe
 from controller.learning.trainers.echo_state import EchoStateRecipe
 from controller.learning.trainers.phase_conceptor import PhaseRecipe
 from controller.learning.trainers.phase_echo_state import PhaseEchoStateRecipe
@@ -52,13 +52,13 @@ from controller.motion.encodings.encoding import encoding_of
 from controller.motion.formats.reading import read_clip
 from controller.motion.rotations import Array
 from controller.networks.base import AnyNetwork
-from controller.networks.clip_player import ClipPlayer
+from controller.networks.clip.network import ClipPlayer
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.shipped import shipped_configs
 
 RATE = 120.0
 RUNS, RECOVERY_FRAMES = 4, 300
-KEYS_EVERY = (2, 4, 6)  # frames, of clips that are compressed
+KEYS_EVERY, DIGITS = (2, 4, 6), 10  # frames, and binary digits of a key, of clips that are compressed
 PHASE = PhaseRecipe()
 
 NETWORKS: dict[str, NetworkRecipe] = {
@@ -209,39 +209,18 @@ def measured(source: str, name: str, recipe: NetworkRecipe, known: TrainingSet, 
 
 
 def clip_row(source: str, known: TrainingSet, every: int = 0) -> Row:
-    """The row of a clip player: nothing to train, nothing that could be lost; `every`: as of `keyed`, 0 for none."""
-    keyed_frames = {name: keyed(part, known.loops[name], every) for name, part in known.frames.items()} if every else {}
-    player = ClipPlayer({name: drawn for name, (drawn, _) in keyed_frames.items()} or known.frames, known.loops)
+    """The row of a clip player: nothing to train, nothing that could be lost; a key in `every` frames, 0 for all."""
+    recipe = ClipRecipe(keys_every=every, digits=DIGITS)
+    player = learned(recipe, known, 0)[0] if every else ClipPlayer(known.frames, known.loops)
     verdicts = self_test(player, Judge(known.encoding, known.frames, known.loops, known.rate))
     errors = [verdict.error_mm for verdict in verdicts.values()]
     passed = sum(verdict.passed for verdict in verdicts.values()) / len(verdicts)
     whole, tick = channels_mb(known), step_us(player, player.motions[0], known.rate)
-    size = 1e-6 * sum(count for _, count in keyed_frames.values()) if every else whole
+    size = 1e-6 * sum(array.nbytes for array in player.arrays().values()) if every else whole
     name = f"clip, a key every {every} frames" if every else "clip player"
     return Row(
         source, name, len(errors), passed, float(np.median(errors)), max(errors), 0.0, None, 0.0, size, whole, tick, (),
     )  # fmt: skip
-
-
-def keyed(frames: Array, loop: bool, every: int) -> tuple[Array, int]:
-    """Frames (T, C) drawn again from keys of a cubic spline in half precision, one in so many frames; and their bytes.
-
-    The keys are those of least squares. A spline's values are kept as coefficients, a number for each key and channel.
-    """
-    count = max(4, round(len(frames) / every))
-    if loop:  # the spline goes on beyond both ends, where the frames repeat
-        around = 4 * every
-        frames, cut = np.concatenate([frames[-around:], frames, frames[:around]]), around
-        count += 8
-    else:
-        cut = 0
-    inner = np.linspace(0.0, len(frames) - 1.0, count - 2)[1:-1]
-    knots = np.concatenate([np.zeros(4), inner, np.full(4, len(frames) - 1.0)])
-    spline = make_lsq_spline(np.arange(len(frames), dtype=float), frames, knots)
-    rounded = spline.c.astype(np.float16)
-    drawn = BSpline(knots, rounded.astype(float), 3)(np.arange(len(frames)))
-    stored = len(rounded) - (8 if loop else 0)
-    return drawn[cut : len(drawn) - cut], 2 * stored * frames.shape[1]
 
 
 def channels_mb(known: TrainingSet) -> float:

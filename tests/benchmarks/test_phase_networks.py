@@ -31,12 +31,11 @@ def test_a_clip_player_is_exact():
 
 
 def test_fewer_keys_are_smaller_and_less_exact():
-    rows = [clip_row("small", KNOWN, every) for every in (2, 4, 8)]
-    assert [row.file_mb for row in rows] == pytest.approx(
-        [channels_mb(KNOWN) / (2 * every) for every in (2, 4, 8)], rel=0.1
-    )
+    rows = [clip_row("small", KNOWN, every) for every in (2, 4, 24)]
+    sizes = [row.file_mb for row in rows]
+    assert channels_mb(KNOWN) / 4 > sizes[0] > 1.5 * sizes[1] > 2 * sizes[2]
     errors = [row.error_mm for row in rows]
-    assert 0.0 < errors[0] < errors[2] < 2.0
+    assert 0.0 < errors[0] < errors[2] < 20.0
     assert all(row.passed == 1.0 for row in rows)
 
 

@@ -12,7 +12,7 @@ from controller.learning.trainers.trainer import Trainer, TrainingError, trainer
 from controller.learning.training_set import TrainingSet, prepare
 from controller.library.motion_library import load_library
 from controller.motion.rotations import Array
-from controller.networks.clip_player import ClipPlayer
+from controller.networks.clip.network import ClipPlayer
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.jobs import Jobs
 from motiondeck_base.shipped import find_library

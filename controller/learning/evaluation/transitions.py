@@ -24,7 +24,7 @@ from controller.motion.encodings.bone_directions import FIRST_BONE, HEIGHT, TURN
 from controller.motion.encodings.motion_matching import LOST_MM, joint_features
 from controller.motion.rotations import Array, rotate, yaw
 from controller.motion.skeleton import Posture
-from controller.networks.clip_player import ClipPlayer
+from controller.networks.clip.network import ClipPlayer
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.jobs import ALONE, Jobs, spread
 

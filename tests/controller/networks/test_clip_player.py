@@ -5,7 +5,7 @@ import pytest
 
 import synthetic
 from controller.learning.measures.self_test import run_free
-from controller.networks.clip_player import ClipPlayer
+from controller.networks.clip.network import ClipPlayer
 
 
 @pytest.fixture

@@ -1,0 +1,66 @@
+"""Chooses the keys of a motion: how many and how fine, with the fewest bytes within an error."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+
+from controller.learning.measures.self_test import Judge, distances
+from controller.motion.encodings.motion_matching import joint_features
+from controller.motion.rotations import Array
+from controller.networks.keys import FEWEST_KEYS, STEPS_PER_BIT, Keys, spline
+
+KEYS_EVERY = (2, 3, 4, 5, 6, 8, 10, 12, 15, 18, 22, 27, 33, 40)  # frames
+COARSEST, FINEST = 2 * STEPS_PER_BIT, 13 * STEPS_PER_BIT  # steps of 2^-2 to 2^-13
+MISSED = 1.1  # times the fewest bytes so far, after which no fewer are looked for
+
+
+def held_frames(frames: Array, *, loop: bool) -> int:
+    """How many frames at the end of a one-shot, shape (T, C), hold the one before them."""
+    moving = np.flatnonzero((np.diff(frames, axis=0) != 0.0).any(1))
+    return 0 if loop else len(frames) - 2 - int(moving.max(initial=0))
+
+
+def fitted_keys(frames: Array, every: float, *, loop: bool) -> Array:
+    """The keys of least squares of frames (T, C), one in so many frames, shape (K, C)."""
+    from scipy.sparse import csr_array  # what plays needs none of it
+    from scipy.sparse.linalg import spsolve
+
+    moving = frames[: len(frames) - held_frames(frames, loop=loop)]
+    count = max(FEWEST_KEYS, round(len(moving) / every) + (0 if loop else 3))
+    near, weights = spline(len(moving), count, loop=loop)
+    rows = np.repeat(np.arange(len(moving)), 4)
+    design = csr_array((weights.ravel(), (rows, near.ravel())), shape=(len(moving), count))
+    return np.asarray(spsolve((design.T @ design).tocsc(), design.T @ moving))
+
+
+def error_mm(judge: Judge, motion: str, frames: Array) -> float:
+    """The mean distance of joints from those of a motion at the same phase, of frames (T, C)."""
+    return float(distances(joint_features(judge.encoding, frames), judge.features(motion)).mean())
+
+
+def smallest_keys(
+    frames: Array, tolerance: float, error_of: Callable[[Keys], float], *, loop: bool, pieces: int = 1
+) -> Keys:
+    """The keys of frames (T, C) with the fewest bytes within a tolerance; the closest and finest if none keep to it."""
+    found: Keys | None = None
+    held = held_frames(frames, loop=loop)
+    for every in KEYS_EVERY:
+        rounded = partial(Keys.of, fitted_keys(frames, every, loop=loop), held, pieces=pieces)
+        best, low, high = rounded(FINEST), COARSEST, FINEST
+        if found is not None and error_of(best) > tolerance:
+            break
+        while high - low > 1:
+            middle = (low + high) // 2
+            if error_of(keys := rounded(middle)) <= tolerance:
+                best, high = keys, middle
+            else:
+                low = middle
+        if found is None or best.packed.nbytes < found.packed.nbytes:
+            found = best
+        elif best.packed.nbytes > MISSED * found.packed.nbytes:
+            break
+    assert found is not None
+    return found
