@@ -17,7 +17,7 @@ from controller.library.motion_library import load_library
 from controller.loop.clock import period_ns
 from controller.loop.commands.commanded_run import CommandedRun, Outcome, mode_events
 from controller.loop.run_phases import Source, safe_targets
-from controller.loop.safety.safety_envelope import SafetyEnvelope
+from controller.loop.safety.compiled_envelope import safety_envelope
 from controller.loop.stop_requests import StopRequest
 from controller.motion.skeleton import Pose
 from controller.wire.messages import commands
@@ -231,7 +231,7 @@ class Deck(DeckCommands[CommandedSwitch]):
         first = np.clip(self._source.targets, self.limits.lower, self.limits.upper)
         start = self._start if self._start is not None else self._measured
         start = first if start is None else np.where(np.isfinite(start), start, first)
-        envelope = SafetyEnvelope(self.limits, 1.0 / self._rate)
+        envelope = safety_envelope(self.limits, 1.0 / self._rate)
         self._targets = safe_targets(
             self._source, [_Start(start)], envelope, self._stop, float("inf"), self._robot.rest
         )

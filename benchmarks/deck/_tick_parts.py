@@ -18,6 +18,7 @@ from controller.deck.deck import Deck
 from controller.deck.tracks.frame_player import FramePlayer
 from controller.loop.clock import Ticker
 from controller.loop.output_channel import Channel
+from controller.loop.safety.compiled_envelope import CompiledEnvelope
 from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.motion.encodings.joint_angles import JointRetargeter
 from controller.motion.rotations import Array
@@ -36,7 +37,7 @@ PARTS: dict[str, tuple[tuple[Any, str], ...]] = {
     "rest of the deck": ((Deck, "update"),),
     "angles of the limbs": ((LimbAngles, "__call__"),),
     "rest of retargeting": ((ServoHumanoidRetargeter, "__call__"), (JointRetargeter, "__call__")),
-    "safety envelope": ((SafetyEnvelope, "__call__"),),
+    "safety envelope": ((SafetyEnvelope, "__call__"), (CompiledEnvelope, "__call__")),
     "stance of the human": ((HumanStance, "__call__"),),
     "footing of the robot": ((Footing, "place"), (BakedRoot, "place")),
     "mj_step, twice": ((PhysicsPlayback, "step"),),

@@ -77,7 +77,7 @@ MUTANTS = (
     ),
     Mutant(
         "envelope: a passing target lets acceleration go late", ENVELOPE, SAFETY,
-        "passes = fast + 0.5 * (size - 0.5 * j_max) ** 2 / j_max <= v_max",
+        "passes = fast + 0.5 * (spare * spare) / j_max <= v_max",
         "passes = fast <= v_max",
     ),
     Mutant(

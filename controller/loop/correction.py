@@ -26,6 +26,7 @@ import numpy as np
 from controller.deck.interfaces import JointLimits
 from controller.deck.locks.phase_lock import LoopPlace
 from controller.loop.lead import Delay
+from controller.loop.safety.compiled_envelope import safety_envelope
 from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.motion.rotations import Array, Flags, Indices
 
@@ -100,7 +101,7 @@ class Correction:
         self._off = np.zeros(joints), np.zeros(joints)  # of goals from their aims in the last two ticks, rad
         self._to_envelope = Delay(self.delays, self.dt)
         self._to_shafts = Delay(np.tile(self.lead - self.delays, 2), self.dt)
-        self._plain = SafetyEnvelope(self.limits, self.dt)
+        self._plain = safety_envelope(self.limits, self.dt)
         self._voices: list[_Voice] = []
         self._gain = 0.0
         self._follows, self._followed = False, False  # whether joints do in this tick, and did in the one before
@@ -131,7 +132,7 @@ class Correction:
         """The safe targets (J,), rad, of a tick in which the joints follow targets (J,), corrected."""
         if not self._followed:
             self._plain.restart(np.full(len(targets), True), envelope.position - self._added)
-            self._plain.changed = envelope.changed  # so that targets which limits change are counted
+            self._plain.count_in(envelope.changed)  # so that targets which limits change are counted
             self._off = np.zeros(len(targets)), np.zeros(len(targets))
         self._follows, self._gain = True, min(self._gain + self.dt / FADES, 1.0)
         wanted, shown = _smooth(self._gain) * self._wanted, self._plain(targets)

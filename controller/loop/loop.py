@@ -189,5 +189,5 @@ def run(
             "stops": sum(counter.faults for counter in stopping),
             "telemetry": publishing.faults,
         },
-        changed=envelope.changed.copy(),
+        changed=envelope.changed.tolist(),
     )

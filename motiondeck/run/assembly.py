@@ -23,7 +23,7 @@ from controller.loop.ensemble import all_limits, together
 from controller.loop.lead import Lead
 from controller.loop.output_channel import Channel
 from controller.loop.permissions import handed_back, leave_core
-from controller.loop.safety.safety_envelope import SafetyEnvelope
+from controller.loop.safety.compiled_envelope import safety_envelope
 from controller.loop.snapshots import SnapshotSource
 from controller.loop.stop_requests import StopRequest, stop_on_signals
 from controller.loop.stop_state import WiredStop
@@ -202,7 +202,7 @@ def _assemble(opening: ExitStack, stop: StopRequest, spec: RunSpec, played: Play
         deck=deck,
         channels=channels,
         clock=clock,
-        envelope=SafetyEnvelope(all_limits([robot.limits for robot in robots]), clock.period),
+        envelope=safety_envelope(all_limits([robot.limits for robot in robots]), clock.period),
         snapshots=snapshots,
         handler=handler,
         news=RunNews(handler, clock, channels, servers, seen),

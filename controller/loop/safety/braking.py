@@ -87,5 +87,5 @@ def longest_run(speed: float, size: float, most: float, j: float) -> float:
 
     From an absolute velocity and acceleration (`size`), with limits of acceleration (`most`) and jerk.
     """
-    top = speed + 0.5 * (size + j) ** 2 / j
+    top = speed + 0.5 * ((size + j) * (size + j)) / j
     return top * (size / j + top / most + most / j + 4.0)

@@ -11,8 +11,10 @@ Three rules hold in each tick:
 Rule 3 holds by induction: a joint at rest can stop, and afterwards only steps are taken from which it still can.
 
 One joint at a time, in plain numbers: in a loop that sleeps between its ticks, fifty of numpy's calls on twenty numbers
-each take three times as long.
+each take three times as long. `envelope.c` does the same in C, bit for bit: change both (see `compiled_envelope`).
 """
+
+from array import array
 
 import numpy as np
 
@@ -60,8 +62,8 @@ class SafetyEnvelope:
         ]
         joints = len(self._bounds)
         # Of each joint position, velocity, acceleration, the goal before, its velocity, and whether it moves like that.
-        self._states = [[0.0] * 6 for _ in range(joints)]
-        self.changed = [0] * joints  # how many targets of each joint were changed since the start, length J
+        self._states: list[list[float]] | Array = [[0.0] * 6 for _ in range(joints)]
+        self.changed = array("q", [0] * joints)  # how many targets of each joint were changed since the start
         self._safe = np.empty(joints)
         self._shown = self._safe.view()
         self._shown.flags.writeable = False  # no output can change what the next one is given
@@ -77,12 +79,16 @@ class SafetyEnvelope:
             raise LimitError(f"joint {joint}: the position to start from is {position[joint]}, not a number")
         for state, p in zip(self._states, position.tolist(), strict=True):
             state[:] = p, 0.0, 0.0, p, 0.0, True
-        self.changed[:] = [0] * len(self.changed)
+        self.changed[:] = array("q", [0] * len(self.changed))
 
     def restart(self, joints: Flags, position: Array) -> None:
         """Begins anew with these joints, shape (J,), at rest at `position` (J,), rad; the others go on."""
         for joint in np.flatnonzero(joints).tolist():
             self._states[joint][:] = float(position[joint]), 0.0, 0.0, float(position[joint]), 0.0, True
+
+    def count_in(self, changed: "array[int]") -> None:
+        """Counts changed targets there from now on, length J."""
+        self.changed = changed
 
     @property
     def position(self) -> Array:
@@ -116,7 +122,8 @@ class SafetyEnvelope:
             if (matched or near) and -j_max <= direct - a <= j_max and -a_max <= direct <= a_max:
                 size, fast = abs(direct), abs(fastest)
                 room = upper - target if upper - target < target - lower else target - lower
-                passes = fast + 0.5 * (size - 0.5 * j_max) ** 2 / j_max <= v_max
+                spare = size - 0.5 * j_max
+                passes = fast + 0.5 * (spare * spare) / j_max <= v_max
                 if passes and (way <= room or longest_run(fast, size, a_max, j_max) <= room):
                     state[:] = target, v + direct, direct, target, target - last_goal, True
                     safe.append(target)
@@ -163,9 +170,10 @@ def _limited(near: bool, matched: bool, now: Moving, aim: Moving, bounds: Bounds
     stop = braked(v, a, a_max, j_max)
     low, high = max(a - j_max, -a_max), min(a + j_max, a_max)
     # Letting h go adds less than (h + j/2)^2 / 2j to the velocity: mostly far less than there is room for.
-    if (0.5 * j_max - low) ** 2 > 2.0 * j_max * (v_max + v):
+    down, up = 0.5 * j_max - low, 0.5 * j_max + high
+    if down * down > 2.0 * j_max * (v_max + v):
         low = max(low, -held_back(v_max + v, j_max))
-    if (0.5 * j_max + high) ** 2 > 2.0 * j_max * (v_max - v):
+    if up * up > 2.0 * j_max * (v_max - v):
         high = min(high, held_back(v_max - v, j_max))
     low, high = min(low, stop), max(high, stop)
 

@@ -20,7 +20,7 @@ import numpy as np
 
 from controller.deck.interfaces import JointLimits
 from controller.loop.permissions import request_realtime
-from controller.loop.safety.safety_envelope import SafetyEnvelope
+from controller.loop.safety.compiled_envelope import safety_envelope
 from controller.wire.stop_door import StopDoor
 from hardware.rig.driving.register_reading import RegisterReading
 from hardware.rig.supervision.health import Incident
@@ -46,7 +46,7 @@ class GuardService:
         self._targets, self._states = Targets(len(config.joints)), States(len(config.joints))
         link.expect(self._targets.values)
         period = 1.0 / config.rate_hz
-        envelope = SafetyEnvelope(limits, period)
+        envelope = safety_envelope(limits, period)
         self.guard = RigGuard(rig, envelope, self._targets, period, time.monotonic())
         self._readings: list[tuple[int, RegisterReading]] = []
         self._scans: list[tuple[int, PortScan]] = []
