@@ -11,8 +11,8 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field, fields
-from typing import NamedTuple, TypeVar
+from dataclasses import dataclass, fields
+from typing import NamedTuple
 
 import msgspec
 import numpy as np
@@ -20,13 +20,14 @@ from numpy.typing import NDArray
 
 from controller.deck.interfaces import JointLimits
 from controller.loop.stop_state import STOP_DOOR, StopState
+from controller.wire.messages.replies import OnPorts, Refused, Registers
 from hardware.errors import RigError
 from hardware.rig.counters import RigReport
 from hardware.rig.rig_file import RigConfig
 from hardware.rig.supervision.health import Incident
 from hardware.rig.supervision.servo_states import ServoStates
 from motiondeck.run.guard import messages
-from motiondeck.run.guard.messages import Begin, FoundServo, GuardLink, Note, States, Targets
+from motiondeck.run.guard.messages import Begin, GuardLink, Note, States, Targets
 
 Array = NDArray[np.float64]
 
@@ -35,32 +36,16 @@ _SILENT = 1.0  # s after which a guard is taken for gone
 _REPORTS_WITHIN, _WATCHES_WITHIN, _CLOSES_WITHIN = 1.0, 5.0, 15.0  # s; closing waits for silent servos
 _GONE = "the guard of the rig has ended. The servos' own watchdogs stop them; restart the deck"
 
-N = TypeVar("N", bound=Note)
-
 
 @dataclass
-class AwaitedRegisters:
-    """The registers of a servo, once the guard has read them; as `RegisterReading`."""
+class AwaitedAnswer:
+    """What servos are asked through the guard."""
 
-    counts: dict[str, int] = field(default_factory=dict)
-    failure: str = ""
-    done: bool = False
+    reply: Registers | OnPorts | Refused | None = None  # once the guard has it
 
-
-@dataclass
-class AwaitedScan:
-    """The servos on the ports, once the guard has found them; as `PortScan`."""
-
-    servos: list[tuple[str, FoundServo]] | None = None
-    missing: list[str] = field(default_factory=list)
-    failure: str = ""
-
-    @property
-    def found(self) -> list[tuple[str, FoundServo]] | None:
-        """Joint ("" if it is not in the rig file) and servo, None until all are asked; RigError if the scan failed."""
-        if self.failure:
-            raise RigError(self.failure)
-        return self.servos
+    def answer(self) -> Registers | OnPorts | Refused | None:
+        """The same."""
+        return self.reply
 
 
 @dataclass
@@ -95,8 +80,7 @@ class GuardedRig:
         self._failure, self._watching = "", False
         self._heard, self._collected = time.monotonic(), 0
         self._numbers = itertools.count(1)
-        self._readings: dict[int, AwaitedRegisters] = {}
-        self._scans: dict[int, AwaitedScan] = {}
+        self._asked: dict[int, AwaitedAnswer] = {}
         self._report: RigReport | None = None
         self._closed: list[str] | None = None
 
@@ -170,18 +154,17 @@ class GuardedRig:
         self.config.joints[joint].check_restartable()
         self._link.send(messages.ServoDeed(joint, "restart"))
 
-    def registers(self, joint: int, write: tuple[str, int] | None = None) -> AwaitedRegisters:
+    def registers(self, joint: int, write: tuple[str, int] | None = None) -> AwaitedAnswer:
         """Has all registers of a servo read, and before that a count written into one of them."""
-        number = next(self._numbers)
-        self._link.send(messages.QueryRegisters(number, joint, write))
-        awaited = self._readings[number] = AwaitedRegisters()
-        return awaited
+        return self._ask(messages.QueryRegisters(next(self._numbers), joint, write))
 
-    def scan(self) -> AwaitedScan:
+    def scan(self) -> AwaitedAnswer:
         """Has every ID on the ports asked."""
-        number = next(self._numbers)
-        self._link.send(messages.QueryPorts(number))
-        awaited = self._scans[number] = AwaitedScan()
+        return self._ask(messages.QueryPorts(next(self._numbers)))
+
+    def _ask(self, query: messages.QueryRegisters | messages.QueryPorts) -> AwaitedAnswer:
+        self._link.send(query)
+        awaited = self._asked[query.number] = AwaitedAnswer()
         return awaited
 
     @property
@@ -216,12 +199,8 @@ class GuardedRig:
                 self._failure = reason
             case messages.IncidentNote():
                 self.incidents.append(note.incident)
-            case messages.RegistersRead(number=number):
-                awaited = self._readings.pop(number)
-                awaited.counts, awaited.failure, awaited.done = note.counts, note.failure, True
-            case messages.Scanned(number=number):
-                scan = self._scans.pop(number)
-                scan.servos, scan.missing, scan.failure = note.found, note.missing, note.failure
+            case messages.ServoAnswer(number=number, reply=reply):
+                self._asked.pop(number).reply = reply
             case messages.ReportNote(report=report):
                 self._report = report
             case messages.RigClosed(unconfirmed=unconfirmed):

@@ -6,13 +6,14 @@ It is a pair of local sockets that carry datagrams, whole and in order.
 import socket
 from collections import deque
 from collections.abc import Callable
-from typing import Generic, Literal, NamedTuple, TypeVar, get_args
+from typing import Generic, Literal, TypeVar, get_args
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from controller.loop.stop_state import STOP_DOOR, Phase, StopState
+from controller.wire.messages.replies import OnPorts, Refused, Registers
 from hardware.rig.counters import RigReport
 from hardware.rig.rig_file import RigConfig
 from hardware.rig.supervision.health import Incident
@@ -93,29 +94,11 @@ class IncidentNote(msgspec.Struct, frozen=True, tag="happened"):
     incident: Incident
 
 
-class RegistersRead(msgspec.Struct, frozen=True, tag="registers"):
-    """The registers of a servo by name, or why they could not be read."""
+class ServoAnswer(msgspec.Struct, frozen=True, tag="answer"):
+    """What servos have answered to a query, by its number, or why not."""
 
     number: int
-    counts: dict[str, int]
-    failure: str
-
-
-class FoundServo(NamedTuple):
-    """A servo on a port."""
-
-    id: int
-    model: str
-    firmware: int
-
-
-class Scanned(msgspec.Struct, frozen=True, tag="scanned"):
-    """The servos that have answered, each with its joint, and the joints that have not; or why not."""
-
-    number: int
-    found: list[tuple[str, FoundServo]]
-    missing: list[str]
-    failure: str
+    reply: Registers | OnPorts | Refused
 
 
 class ReportNote(msgspec.Struct, frozen=True, tag="report"):
@@ -130,7 +113,7 @@ class RigClosed(msgspec.Struct, frozen=True, tag="closed"):
     unconfirmed: list[str]
 
 
-Note = Connected | Watching | RigFailed | IncidentNote | RegistersRead | Scanned | ReportNote | RigClosed
+Note = Connected | Watching | RigFailed | IncidentNote | ServoAnswer | ReportNote | RigClosed
 
 
 class _Number(Generic[T]):

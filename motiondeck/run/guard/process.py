@@ -21,14 +21,17 @@ import numpy as np
 from controller.deck.interfaces import JointLimits
 from controller.loop.permissions import request_realtime
 from controller.loop.safety.compiled_envelope import safety_envelope
+from controller.wire.messages.replies import OnPorts, Refused, Registers, ServoOnPort, ServoRegister
 from controller.wire.stop_door import StopDoor
-from hardware.rig.driving.register_reading import RegisterReading
+from hardware.families.table import meaning
+from hardware.rig.driving.register_reading import WRITABLE, RegisterReading, shown_registers
+from hardware.rig.rig_joint import RigJoint
 from hardware.rig.supervision.health import Incident
 from hardware.rig.supervision.rig import Rig
 from hardware.rig.switching.identities import PortScan
 from motiondeck.run.guard import messages
 from motiondeck.run.guard.guard import RigGuard
-from motiondeck.run.guard.messages import Begin, FoundServo, GuardLink, Note, Request, States, Targets
+from motiondeck.run.guard.messages import Begin, GuardLink, Note, Request, States, Targets
 from motiondeck_base.errors import MotiondeckError, in_words
 
 _REST_WITHIN = 5.0  # s
@@ -95,12 +98,12 @@ class GuardService:
                 try:
                     self._readings.append((number, rig.registers(joint, write)))
                 except MotiondeckError as error:
-                    link.send(messages.RegistersRead(number, {}, str(error)))
+                    link.send(messages.ServoAnswer(number, Refused(str(error))))
             case messages.QueryPorts(number=number):
                 try:
                     self._scans.append((number, rig.scan()))
                 except MotiondeckError as error:
-                    link.send(messages.Scanned(number, [], [], str(error)))
+                    link.send(messages.ServoAnswer(number, Refused(str(error))))
             case Begin():
                 pass  # it is the first message
 
@@ -139,11 +142,11 @@ class GuardService:
         for waiting in [one for one in self._readings if one[1].done]:
             self._readings.remove(waiting)
             number, reading = waiting
-            yield messages.RegistersRead(number, reading.counts, reading.failure)
+            yield messages.ServoAnswer(number, _registers(self._rig.config.joints[reading.joint], reading))
         for number, scan in self._scans:
             if scan.found is not None:
-                found = [(joint, FoundServo(one.id, one.model, one.firmware)) for joint, one in scan.found]
-                yield messages.Scanned(number, found, scan.missing, "")
+                servos = [ServoOnPort(joint, one.id, one.model, one.firmware) for joint, one in scan.found]
+                yield messages.ServoAnswer(number, OnPorts(servos, scan.missing))
         self._scans = [one for one in self._scans if one[1].found is None]
 
     def _new(self, incidents: Sequence[Incident]) -> list[Incident]:
@@ -153,6 +156,18 @@ class GuardService:
                 break
             new.append(incident)
         return new[::-1]
+
+
+def _registers(joint: RigJoint, reading: RegisterReading) -> Registers | Refused:
+    """What was read of a joint's servo, in order of address."""
+    if reading.failure:
+        return Refused(reading.failure)
+    rows = [
+        ServoRegister(row.name, row.address, count, meaning(joint.table, row, count), row.name in WRITABLE)
+        for row in shown_registers(joint.table)
+        for count in (reading.counts[row.name],)
+    ]
+    return Registers(joint.name, joint.model, rows)
 
 
 def guard(link: GuardLink[Request], begin: Begin) -> None:

@@ -17,64 +17,15 @@ from controller.loop.lead import Delay
 from controller.loop.output_channel import Channel
 from controller.motion.rotations import Array
 from controller.motion.skeleton import Pose
-from controller.wire.messages.replies import OnPorts, Refused, Registers, ServoOnPort, ServoRegister
-from motiondeck.run.guard.guarded_rig import (
-    AwaitedRegisters,
-    AwaitedScan,
-    GuardedRig,
-    GuardProcess,
-    begin_with,
-    connect,
-)
+from motiondeck.run.guard.guarded_rig import AwaitedAnswer, GuardedRig, GuardProcess, begin_with, connect
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
 from motiondeck_base.files import listed
 
 if TYPE_CHECKING:
-    from hardware.rig.driving.register_reading import RegisterReading
-    from hardware.rig.rig_file import RigConfig, RigJoint
+    from hardware.rig.rig_file import RigConfig
     from hardware.rig.supervision.rig import Rig
-    from hardware.rig.switching.identities import PortScan
     from motiondeck.page.web.page_state import RigDescription
     from sim.robots.robot import Robot
-
-
-class RegisterQuery:
-    """The registers of a joint's servo, once they are read."""
-
-    def __init__(self, joint: RigJoint, reading: RegisterReading | AwaitedRegisters) -> None:
-        self._joint, self._reading = joint, reading
-
-    def answer(self) -> Registers | Refused | None:
-        """The registers in order of address."""
-        from hardware.families.table import meaning
-        from hardware.rig.driving.register_reading import WRITABLE, shown_registers
-
-        joint, reading = self._joint, self._reading
-        if not reading.done:
-            return None
-        if reading.failure:
-            return Refused(reading.failure)
-        rows = [
-            ServoRegister(row.name, row.address, count, meaning(joint.table, row, count), row.name in WRITABLE)
-            for row in shown_registers(joint.table)
-            for count in (reading.counts[row.name],)
-        ]
-        return Registers(joint.name, joint.model, rows)
-
-
-class PortQuery:
-    """The servos on the ports of a rig, once the scan is complete."""
-
-    def __init__(self, scan: PortScan | AwaitedScan) -> None:
-        self._scan = scan
-
-    def answer(self) -> OnPorts | None:
-        """The servos that have answered, and the joints that have not."""
-        found = self._scan.found
-        if found is None:
-            return None
-        servos = [ServoOnPort(joint, servo.id, servo.model, servo.firmware) for joint, servo in found]
-        return OnPorts(servos, self._scan.missing)
 
 
 class RigOutput:
@@ -171,14 +122,18 @@ class RigOutput:
         """Has the servo of a joint restarted and set up again; MotiondeckError if there is none, or it cannot be."""
         self.rig.restart(self._place(joint))
 
-    def registers(self, joint: str, write: tuple[str, int] | None = None) -> RegisterQuery:
-        """Has a servo's registers read, after a count is written into one of them; MotiondeckError if it cannot."""
-        place = self._place(joint)
-        return RegisterQuery(self.rig.config.joints[place], self.rig.registers(place, write))
+    def registers(self, joint: str, write: tuple[str, int] | None = None) -> AwaitedAnswer:
+        """Has a servo's registers read, after a count is written into one of them; UnknownNameError without it."""
+        return self._guard.registers(self._place(joint), write)
 
-    def scan(self) -> PortQuery:
-        """Scans the rig's ports for servos; MotiondeckError if that would end the run now."""
-        return PortQuery(self.rig.scan())
+    def scan(self) -> AwaitedAnswer:
+        """Scans the rig's ports for servos."""
+        return self._guard.scan()
+
+    @property
+    def _guard(self) -> GuardedRig:
+        assert self.guarded is not None, "the rig of a run is behind a guard"
+        return self.guarded
 
     def _place(self, joint: str) -> int:
         names = self.rig.names

@@ -131,26 +131,30 @@ def test_a_wired_stop_that_cannot_be_opened_says_so():
         rig.watch_stops(49002, "/dev/nothing")
 
 
+def counts(asked):
+    return {register.name: register.count for register in asked.reply.registers}
+
+
 def test_what_is_asked_of_servos_is_answered_beside_the_targets():
     with served(CONFIG) as (servos, port), guarded(port) as rig:
         play(rig, 0.2)
         reading, other = rig.registers(0), rig.registers(1, ("led", 1))
-        wait(rig, lambda: reading.done and other.done, "the registers")
-        assert reading.counts["torque_enable"] == 1
-        assert "while its torque is off" in other.failure
+        wait(rig, lambda: reading.reply and other.reply, "the registers")
+        assert counts(reading)["torque_enable"] == 1
+        assert "while its torque is off" in other.reply.reason
         rig.switch_off(1)
         wait(rig, lambda: not servos[2]["torque_enable"], "the torque that goes off")
         written = rig.registers(1, ("led", 1))
-        wait(rig, lambda: written.done, "the register that is written")
-        assert written.counts["led"] == 1
+        wait(rig, lambda: written.reply, "the register that is written")
+        assert counts(written)["led"] == 1
         assert [incident.what for incident in rig.incidents] == ["was switched off on command"]
         rig.set_up_again(1)
         play(rig, 1.0, speed=0.0)
         assert servos[2]["torque_enable"]
         scan = rig.scan()
-        wait(rig, lambda: scan.found is not None, "the scan")
-        assert [(joint, servo.id, servo.model) for joint, servo in scan.found] == [
+        wait(rig, lambda: scan.reply, "the scan")
+        assert [(servo.joint, servo.servo, servo.model) for servo in scan.reply.servos] == [
             ("pan", 1, "XM430-W350"),
             ("tilt", 2, "XM430-W350"),
         ]
-        assert scan.missing == []
+        assert scan.reply.missing == []
