@@ -156,7 +156,7 @@ class Deck(DeckCommands[CommandedSwitch]):
 
     @property
     def pose(self) -> Pose:
-        """The pose of the library's body at `time`: `root_position` (m), `heading` (rad), `rotation` of each bone."""
+        """The pose at `time`: `root_position` (m), `heading` (rad), `rotation` of each bone, own `offsets` (m)."""
         return (self._curve or self._begin()).pose(self._share)
 
     @property

@@ -21,6 +21,8 @@ heights as they are, scaled by the leg. Of each motion, over all frames, joints 
 A motion is faithful if p95 is at most 10 mm and 2 degrees, at its end too, the held pose the last one to 0.5 degrees,
 and the floor within 10 mm; `with seams`, if the seam is too. From 0.5 s before its end a one-shot may be 0.35 s late.
 
+With --deck the same is measured of what a deck plays: its poses on the body that it shows, instead of clips.
+
     python -m benchmarks faithful ../shared/data --most 60
     python -m benchmarks faithful ../shared/data --source HDM05 --mixed --json --keep rows.jsonl
 """
@@ -32,7 +34,7 @@ import subprocess
 import sys
 import tempfile
 from collections import defaultdict
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -44,6 +46,8 @@ import motiondeck
 from benchmarks import command
 from benchmarks.recordings.faithful_files import recorded, source_and_actor
 from benchmarks.recordings.faithful_measure import Part, Played, measure
+from controller.deck.deck import Deck
+from controller.motion.canonical.canonical_body import root_height
 from motiondeck_base.errors import MotiondeckError
 
 ENDINGS = (".amc", ".bvh", ".mat", ".c3d")
@@ -54,6 +58,7 @@ BOUND_MM, BOUND_DEGREES, BOUND_HELD, BOUND_FLOOR = 10.0, 2.0, 0.5, 10.0
 
 Row = dict[str, Any]
 Group = tuple[str, str]  # source and actor
+Runs = Callable[[motiondeck.Library, str, float], Played]
 
 
 def grouped(data: Path, source: str | None, most: int | None, seed: int, *, mixed: bool) -> dict[Group, list[Path]]:
@@ -79,7 +84,7 @@ def grouped(data: Path, source: str | None, most: int | None, seed: int, *, mixe
     return {group: sorted(groups[group]) for group in sorted(groups)}
 
 
-def judged(group: Group, files: list[Path], data: Path) -> list[Row]:
+def judged(group: Group, files: list[Path], data: Path, run: Runs | None = None) -> list[Row]:
     """A row for each motion of a library of some recordings, and for each recording that was left out."""
     if all(file.suffix.lower() == MARKERS for file in files):
         return [_row(group, file, data, {}) | {"not_judged": "markers, no joints"} for file in files]
@@ -92,7 +97,7 @@ def judged(group: Group, files: list[Path], data: Path) -> list[Row]:
             return [_row(group, file, data, {"remedy": reason}) | {"left_out": reason} for file in files]
         library = motiondeck.load_library(out)
         told = json.loads(done.stdout)["motions"]
-    return [judge(library, one, _row(group, Path(one["file"]), data, one)) for one in told]
+    return [judge(library, one, _row(group, Path(one["file"]), data, one), run) for one in told]
 
 
 def _row(group: Group, file: Path, data: Path, told: Row) -> Row:
@@ -101,7 +106,7 @@ def _row(group: Group, file: Path, data: Path, told: Row) -> Row:
     return {"source": group[0], "actor": group[1], "file": below} | {name: told.get(name) for name in kept}
 
 
-def judge(library: motiondeck.Library, told: Row, row: Row) -> Row:
+def judge(library: motiondeck.Library, told: Row, row: Row, run: Runs | None = None) -> Row:
     """The row of a motion with its figures, or with the reason why it was not judged; `told` is what `learn` said."""
     if not told["plays"]:
         return row | {"left_out": told["remedy"]}
@@ -112,7 +117,11 @@ def judge(library: motiondeck.Library, told: Row, row: Row) -> Row:
     part = Part(told["from_s"], told["to_s"], told["plays"])
     duration = part.end - part.begin
     seconds = LENGTHS * duration if part.plays == "loop" else max(LENGTHS * duration, duration + HELD_FOR)
-    return row | _said(library, told["name"]) | measure(file, run_of(library, told["name"], seconds), part, LENGTHS)
+    return (
+        row
+        | _said(library, told["name"])
+        | measure(file, (run or run_of)(library, told["name"], seconds), part, LENGTHS)
+    )
 
 
 def _said(library: motiondeck.Library, motion: str) -> Row:
@@ -130,6 +139,22 @@ def run_of(library: motiondeck.Library, motion: str, seconds: float) -> Played:
     joints = clip.joints()
     bones = ("root", *clip.skeleton.bones)
     return Played({bone: joints[:, index] for index, bone in enumerate(bones)}, clip.rate)
+
+
+def deck_run_of(library: motiondeck.Library, motion: str, seconds: float) -> Played:
+    """Where the landmarks are that a deck plays, on the body that it shows."""
+    skeleton, dt = library.skeleton, 1.0 / library.rate
+    deck, places = Deck(library.model, lambda pose: np.zeros(0), motion), []
+    for _ in range(round(seconds * library.rate) + 2):
+        pose = deck.pose
+        assert pose.offsets is not None
+        own = skeleton.with_offsets(pose.offsets)
+        place = np.append(pose.root_position[:2], root_height(pose, skeleton, own))
+        places.append(own.joints(place, pose.rotation))
+        deck.update(dt)
+    joints = np.array(places)
+    bones = ("root", *skeleton.bones)
+    return Played({bone: joints[:, index] for index, bone in enumerate(bones)}, library.rate)
 
 
 def faithful(row: Row) -> bool:
@@ -235,10 +260,10 @@ def _kept(keep: Path | None) -> list[Row]:
 
 
 def _work(
-    groups: dict[Group, list[Path]], data: Path, keep: Path | None, jobs: int
+    groups: dict[Group, list[Path]], data: Path, keep: Path | None, jobs: int, run: Runs | None
 ) -> Iterable[tuple[Group, list[Row]]]:
     found = Parallel(n_jobs=jobs, return_as="generator")(
-        delayed(judged)(group, files, data) for group, files in groups.items()
+        delayed(judged)(group, files, data, run) for group, files in groups.items()
     )
     for group, rows in zip(groups, found, strict=True):
         if keep is not None:
@@ -254,6 +279,7 @@ def main(
     most: Annotated[int | None, typer.Option(help="Recordings, sampled evenly over the sources.")] = None,
     seed: Annotated[int, typer.Option(help="Of the sample.")] = 0,
     mixed: Annotated[bool, typer.Option("--mixed", help="One library for all actors of a source.")] = False,
+    deck: Annotated[bool, typer.Option("--deck", help="What a deck plays.")] = False,
     jobs: Annotated[int, typer.Option(help="Processes.")] = 1,
     keep: Annotated[
         Path | None, typer.Option(help="Rows found (JSON lines); those in it are not computed again.")
@@ -271,7 +297,7 @@ def main(
         if any((*group, path.relative_to(data).as_posix()) not in known for path in files)
     }
     rows = [row for row in rows if (row["source"], row["actor"]) not in missing]
-    for _, found in _work(missing, data, keep, jobs):
+    for _, found in _work(missing, data, keep, jobs, deck_run_of if deck else None):
         rows += found
     if as_json:
         sources = {

@@ -15,7 +15,7 @@ from controller.deck.joins.deck_motions import Motion, read_motions
 from controller.deck.joins.fade_search import PLANNED_SHARE, FadeSearch, Fading
 from controller.deck.joins.join_limits import FASTEST, Bounds, JoinLimits
 from controller.deck.joins.joining import Joining
-from controller.deck.joins.transition import best_anchor, difference, extrapolated
+from controller.deck.joins.transition import Fade, best_anchor, difference, extrapolated
 from controller.deck.tracks.playing_tracks import PlayingTracks
 from controller.deck.tracks.track import Track
 from controller.library.motion_library import MotionLibrary
@@ -66,7 +66,11 @@ class Performance:
         first.cue_phase(motion, phase)
         first.step(0.0, 1.0)
         self._before = self.posture = self._shown = first.posture
+        self._body_goal = self._body_shown = self.motions[motion].offsets
+        self._body: Fade | None = None  # what is left of the difference to that goal, and for how long, s
+        self._body_elapsed = 0.0
         self.pose = self._next = at_origin(self.posture)
+        self.pose.offsets = self._body_shown
         self._pose_before: Pose | None = None
         self._joints(self.posture)  # what its skeleton finds once it finds before the first tick
 
@@ -107,6 +111,8 @@ class Performance:
 
     def finish_tick(self) -> Pose:
         """Ends the tick; the pose in the world."""
+        if self._body is not None:
+            self._change_body(self._body)
         self._before, self.posture = self.posture, self._shown
         self._pose_before, self.pose = self.pose, self._next
         if self._limits is not None:
@@ -121,13 +127,14 @@ class Performance:
         leaving, entering, joining = self.motion, self.motions[motion], self._joining
         anchor = self._best_anchor(motion, self.posture, self._shown)
         self._limit(leaving, entering)
+        self._go_over_to(entering.offsets)
         if joining in ("morph", "crossfade") and not self.fading and self.tracks.alone:
             self._mix_to(motion, anchor)
             return
         first = self._play_alone(self.tracks.playing[0])
         first.cue(motion, anchor)
         if joining == "cut":
-            self._fade, self._limits = None, None
+            self._fade, self._limits, self._body_elapsed = None, None, MORPH_SECONDS
             self._switching = True  # completed in the next step
         else:
             self._fade_to_first(leaving, entering)
@@ -147,6 +154,7 @@ class Performance:
             tracks.add(name, self._best_anchor(name, self._before, self.posture), self._tempo)
         self._limit(*(track.motion for track in tracks.playing))
         tracks.change_weights(weights, MORPH_SECONDS)
+        self._go_over_to(sum((weight * self.motions[name].offsets for name, weight in weights.items()), np.zeros(3)))
 
     @property
     def _onset(self) -> float:
@@ -183,6 +191,23 @@ class Performance:
             self._fade_instead()
         elif tracks.cannot_cross:
             self._fade_instead()
+
+    def _go_over_to(self, offsets: Array) -> None:
+        """Lets the bones go over to the length of another body's, in MORPH_SECONDS."""
+        if offsets is self._body_goal or np.array_equal(offsets, self._body_goal):
+            return
+        rate = np.zeros(3) if self._body is None else self._body.leaving(self._body_elapsed)
+        self._body_goal, self._body_elapsed = offsets, 0.0
+        self._body = Fade(MORPH_SECONDS, MORPH_SECONDS, self._body_shown - offsets, rate)
+
+    def _change_body(self, fade: Fade) -> None:
+        self._body_elapsed += self._dt
+        self._body_shown = self._body_goal
+        if self._body_elapsed < MORPH_SECONDS:
+            self._body_shown = self._body_goal + fade.left(self._body_elapsed)
+        else:
+            self._body = None
+        self._next.offsets = self._body_shown
 
     def _extrapolate(self, dt: float) -> None:
         self._set_posture(extrapolated(self._before, self.posture, dt, self.tracks.rest_direction))
@@ -265,4 +290,4 @@ def advance(pose: Pose, posture: Posture, dt: float) -> Pose:
     x, y, _ = pose.root_position.tolist()
     position = np.array([x + cosine * forward - sine * left, y + sine * forward + cosine * left, float(posture.height)])
     rotation = posture.rotation if heading == 0.0 else turned_about_vertical(posture.rotation, heading)
-    return Pose(position, np.array(heading), rotation)
+    return Pose(position, np.array(heading), rotation, offsets=pose.offsets)

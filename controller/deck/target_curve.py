@@ -53,6 +53,7 @@ class TargetCurve:
             weights @ np.array([pose.root_position for pose in poses]),
             np.asarray(weights @ np.array([pose.heading for pose in poses])),
             normalise((sides[..., None] * rotations).sum(0)),
+            offsets=poses[-1].offsets,
         )
 
 

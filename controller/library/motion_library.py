@@ -17,6 +17,7 @@ import numpy as np
 from controller.library.recording_error import RecordingError
 from controller.motion.canonical.canonical_body import is_canonical
 from controller.motion.encodings.encoding import ENCODINGS, Encoding
+from controller.motion.rotations import Array
 from controller.motion.skeleton import Skeleton, SkeletonInfo
 from controller.networks.base import AnyNetwork
 from controller.networks.registry import network_kind
@@ -146,6 +147,18 @@ class MotionLibrary:
         """The body of a motion's recording: the library's with other lengths, or the canonical one."""
         info = next(info for info in self.info.motions if info.name == motion)
         return self.skeleton if info.body is None else Skeleton.restore(info.body)
+
+    def offsets(self, motion: str) -> Array:
+        """The offsets (B, 3), m, of that body, with legs as long as the library's; the library's if bones differ."""
+        skeleton, body = self.skeleton, self.body(motion)
+        if body is skeleton or set(body.bones) != set(skeleton.bones):
+            return skeleton.offsets
+        order = [body.bones.index(bone) for bone in skeleton.bones]
+        direction = body.rest_direction if is_canonical(body) else skeleton.rest_direction
+        if np.array_equal(body.length[order], skeleton.length):
+            return skeleton.offsets
+        own = skeleton.with_offsets(body.length[order, None] * direction)
+        return own.offsets * (skeleton.leg_length / own.leg_length)
 
 
 Found = TypeVar("Found")

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import ClassVar
+from typing import ClassVar, Self
 
 import msgspec
 import numpy as np
@@ -120,13 +120,25 @@ class Skeleton:
 
     @cached_property
     def _vectors(self) -> FixedVectors:
-        """From the beginning of each bone to its end in the rest pose, m."""
         return FixedVectors(self.rest_direction * self.length[:, None])
+
+    @property
+    def offsets(self) -> Array:
+        """From the beginning of each bone to its end in the rest pose, shape (B, 3), m."""
+        return self._vectors.vectors
+
+    def with_offsets(self, offsets: Array) -> Self:
+        """The same bones with other offsets (B, 3), m."""
+        length = np.linalg.norm(offsets, axis=1)
+        directions = offsets / np.where(length > 0.0, length, 1.0)[:, None]
+        return replace(
+            self, length=length, rest_direction=np.where(length[:, None] > 0.0, directions, self.rest_direction)
+        )
 
     @cached_property
     def leg_length(self) -> float:
         """Depth of the skeleton below its root in the rest pose, m."""
-        return float(-np.min((self.chain @ self._vectors.vectors)[:, 2]))
+        return float(-np.min((self.chain @ self.offsets)[:, 2]))
 
     def joints(self, root_position: Array, rotation: Array) -> Array:
         """Forward kinematics: positions of the root and of the ends of the bones, shape (..., 1 + B, 3), m.
@@ -160,6 +172,9 @@ class Pose:
     root_position: Array  # (..., 3), m, z up
     heading: Array  # about z from x, (...), rad
     rotation: Array  # of the root and of each bone in the world, (..., 1 + B, 4)
+    # Of the body whose motion it is, as `Skeleton.offsets`, if that is known; its legs are as long as those of the
+    # skeleton that is posed.
+    offsets: Array | None = field(default=None, kw_only=True)
 
 
 def walk_path(posture: Posture, dt: float, speed: float = 1.0) -> Pose:

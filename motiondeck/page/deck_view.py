@@ -6,6 +6,7 @@ import mujoco
 import numpy as np
 import viser
 
+from controller.motion.skeleton import Pose
 from controller.wire.command_socket import CommandClient
 from controller.wire.messages.replies import Event
 from motiondeck.page.body.body_push import BodyPush
@@ -117,7 +118,8 @@ class DeckView:
                 qpos[:2] = bodies.qpos[:2] - [0.0, BESIDE * self._scene.height]
                 self._follower.show(qpos, centre)
             if self._ghost is not None and bodies.human_root is not None and bodies.human_rotation is not None:
-                self._ghost.show(view.human, bodies.human_root, bodies.human_rotation, bodies.qpos[:2], centre)
+                pose = Pose(bodies.human_root, np.zeros(()), bodies.human_rotation, offsets=bodies.human_offsets)
+                self._ghost.show(view.human, pose, bodies.qpos[:2], centre)
             if self._target is not None and bodies.target is not None:
                 self._target.show(bodies.target, centre, visible=view.target)
             if self._network is not None:

@@ -81,8 +81,9 @@ def _carried(library: MotionLibrary, motion: MotionInfo, loader: RobotLoader) ->
     length = ROUNDS * count + 1 if loop else count
     played = MotionGenerator(library, motion.name).frames(length / rate, rate)
     pose = walk_path(library.encoding.decode(played), 1.0 / rate)
-    clip = Clip(motion.name, library.skeleton, rate, pose.root_position, pose.rotation)
-    robot, footed = (loader(library.skeleton, None, 1.0 / rate) for _ in range(2))
+    body = library.skeleton.with_offsets(library.offsets(motion.name))
+    clip = Clip(motion.name, body, rate, pose.root_position, pose.rotation)
+    robot, footed = (loader(body, None, 1.0 / rate) for _ in range(2))
     encoding, heading = RobotJoints.for_joints(robot.joints), pose.heading
     angles = _within(robot.limits, 1.0 / rate, retargeted(robot, clip).angles)
     root = retargeted(footed, clip, angles).root

@@ -45,7 +45,7 @@ def endless_poses(poses: Sequence[Pose]) -> Iterator[Pose]:
         facing = yaw(angle)
         for pose in poses:
             root = place + rotate(facing, pose.root_position - first.root_position) + first.root_position
-            yield Pose(root, pose.heading + angle, multiply(facing, pose.rotation))
+            yield Pose(root, pose.heading + angle, multiply(facing, pose.rotation), offsets=pose.offsets)
         place, angle = place + rotate(facing, there - first.root_position), angle + turn
 
 
@@ -65,7 +65,8 @@ def poses_at(played: PlayedMotion, tempo: float, tick: float) -> list[Pose]:
     heading = heading[k] + share * (heading[k + 1] - heading[k])
     # From sample to sample a bone turns so little that linear interpolation is enough.
     rotation = normalise(rotation[k] + share[:, None, None] * (rotation[k + 1] - rotation[k]))
-    return [Pose(*pose) for pose in zip(root, heading, rotation, strict=True)]
+    offsets = [played.poses[sample].offsets for sample in k]
+    return [Pose(*pose, offsets=own) for *pose, own in zip(root, heading, rotation, offsets, strict=True)]
 
 
 def _ticks(played: PlayedMotion, tempo: float, tick: float) -> tuple[Indices, Array]:

@@ -54,16 +54,29 @@ class LimbView:
         vectors[[-5, -4], 1 + (chest if head is None else head)] = AHEAD, LEFT
         right, left, right_hip, left_hip = (_way_to(skeleton, one) for one in (arms[0], arms[2], legs[0], legs[3]))
         lines = 0.5 * (right + left - right_hip - left_hip), left - right, left_hip - right_hip
-        for row, line, at, axis in zip((-3, -2, -1), lines, (0, 1 + chest, 0), (UP, LEFT, LEFT), strict=True):
-            vectors[row, 1:] = line[:, None] * skeleton.rest_direction * skeleton.length[:, None]
-            vectors[row, at] += FAINT * axis
-        moves = np.flatnonzero(vectors.any(axis=(0, 2)))
+        vectors[-3:, 1:] = np.stack(lines)[:, :, None]
+        moves = np.flatnonzero(vectors.any(axis=(0, 2)) | np.isin(np.arange(1 + len(skeleton)), (0, 1 + chest)))
+        self._lines = vectors[-3:, moves]  # the share of each moving bone in a line, shape (3, N, 3)
+        self._faint = np.zeros_like(self._lines)
+        for row, at, axis in zip(range(3), (0, 1 + chest, 0), (UP, LEFT, LEFT), strict=True):
+            self._faint[row, moves == at] = FAINT * axis
         self._entries = (4 * moves[:, None] + np.arange(4)).ravel()
-        turns = np.einsum("pvo,rbv->bpro", _TURNS, vectors[:, moves])
-        self._turn = turns.reshape(16 * len(moves), -1)
+        self._turn = np.zeros((16 * len(moves), 3 * len(vectors)))
+        self._turn[:, :-9] = _turns(vectors[:-3, moves])
+        self._bones, self._skeleton_offsets = np.maximum(moves - 1, 0), skeleton.offsets
+        self._offsets: Array | None = None
+        self._fit(None)
+
+    def _fit(self, offsets: Array | None) -> None:
+        """Takes the lines of trunk, shoulders and hips of a body with other offsets (B, 3), m; None: the skeleton's."""
+        self._offsets = offsets
+        own = (self._skeleton_offsets if offsets is None else offsets)[self._bones]
+        self._turn[:, -9:] = _turns(self._lines * own + self._faint)
 
     def __call__(self, pose: Pose) -> Array:
         """The unit vectors of LIMBS in the world, shape (16, 3)."""
+        if pose.offsets is not self._offsets:
+            self._fit(pose.offsets)
         q = pose.rotation.ravel().take(self._entries).reshape(-1, 4)
         rows = ((q[:, :, None] * q[:, None, :]).ravel() @ self._turn).reshape(-1, 3)
         found = np.empty((len(LIMBS), 3))
@@ -99,6 +112,11 @@ def _axes(up: Vector, across: Vector) -> tuple[Vector, Vector, Vector]:
 # e_i v e_j* for the units of quaternions e_i, e_j and each axis v: shape (16, 3, 3), the last of the vector.
 _UNITS = np.eye(4)
 _TURNS = multiply(multiply(_UNITS[:, None, None], _UNITS[1:]), conjugate(_UNITS)[:, None])[..., 1:].reshape(16, 3, 3)
+
+
+def _turns(vectors: Array) -> Array:
+    """The matrix from products q_i q_j of N quaternions to sums (3 R) of vectors (R, N, 3) that they turn."""
+    return np.einsum("pvo,rbv->bpro", _TURNS, vectors).reshape(16 * vectors.shape[1], -1)
 
 
 def turning(v: Array) -> Array:

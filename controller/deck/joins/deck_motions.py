@@ -83,6 +83,7 @@ class Motion:
     exits: Array  # places where it may be left: all of a loop, the end of a one-shot, shape (E, F), m
     course: BodyCourse  # at all anchors, those too where it may not be entered
     postures: Posture
+    offsets: Array  # of the body of its recording, shape (B, 3), m, as `Skeleton.offsets`
     spacing: float  # from anchor to anchor, s
     seconds: float  # of a round of a loop, or of a one-shot until it holds its last pose
     whole: float  # time until its phase is 1, s
@@ -161,6 +162,7 @@ def read_motion(library: MotionLibrary, info: MotionInfo) -> Motion:
         exits=places if loop else places[-1:].copy(),
         course=BodyCourse.of(postures, library.encoding.skeleton),
         postures=postures,
+        offsets=library.offsets(info.name),
         spacing=spacing,
         seconds=moving * spacing,
         whole=whole,

@@ -48,7 +48,8 @@ def joint_motions(library: MotionLibrary, retarget: Retargeter, rate: float = RA
         channels = np.array([player.step(1.0 / rate).copy() for _ in range(max(4, round(seconds * rate)))])
         pose = walk_path(library.encoding.decode(channels), 1.0 / rate)
         moments = zip(pose.root_position, pose.heading, pose.rotation, strict=True)
-        out[motion.name] = np.array([retarget(Pose(*moment)).copy() for moment in moments])
+        offsets = library.offsets(motion.name)
+        out[motion.name] = np.array([retarget(Pose(*moment, offsets=offsets)).copy() for moment in moments])
     return out
 
 

@@ -35,7 +35,7 @@ from controller.motion.rotations import (
     rotate,
     yaw,
 )
-from controller.motion.skeleton import JAEGER_BONES, JAEGER_PARENT, JAEGER_REST, Skeleton, thesis_skeleton
+from controller.motion.skeleton import JAEGER_BONES, JAEGER_PARENT, JAEGER_REST, Pose, Skeleton, thesis_skeleton
 from controller.motion.upper_body import ACCEPTED, lacks_legs
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.files import listed
@@ -253,6 +253,12 @@ def _lowest(place: Array) -> Array:
     height = place[:, 1:, 2]
     least = height.min(axis=1)
     return least - LOW * np.log(np.exp((least[:, None] - height) / LOW).sum(axis=1))
+
+
+def root_height(pose: Pose, skeleton: Skeleton, own: Skeleton) -> float:
+    """The height of the root, m, at which another body has its lowest joints where a skeleton has them in a pose."""
+    here, there = (_lowest(one.joints(np.zeros((1, 3)), pose.rotation[None])).item() for one in (skeleton, own))
+    return float(pose.root_position[2]) + here - there
 
 
 def leg(skeleton: Skeleton) -> float:

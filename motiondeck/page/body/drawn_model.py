@@ -23,7 +23,7 @@ class DrawnModel:
         found = batches(model)
         # Where all copies are is found at once; of each shape it is a part of that.
         self._geom = np.array([geom for batch in found.values() for geom in batch.geom], dtype=np.int64)
-        self._offset = np.array([offset for batch in found.values() for offset in batch.offset]).reshape(-1, 3)
+        self._offset = np.concatenate([np.empty((0, 3)), *(batch.offset for batch in found.values())])
         ends = np.cumsum([len(batch.geom) for batch in found.values()])
         self._parts = [slice(end - len(batch.geom), end) for end, batch in zip(ends, found.values(), strict=True)]
         self._handles: list[tuple[viser.BatchedMeshHandle, viser.BatchedMeshHandle]] = []  # each with its shadow
@@ -76,6 +76,14 @@ class DrawnModel:
         for part, handles in zip(self._parts, self._handles, strict=True):
             for handle in handles:
                 self._page.move_copies(handle, position[part], orientation[part])
+
+    def take_sizes(self) -> None:
+        """Draws the solids in the sizes that the model has now."""
+        found = batches(self._model)
+        self._offset = np.concatenate([batch.offset for batch in found.values()])
+        for handles, batch in zip(self._handles, found.values(), strict=True):
+            for handle in handles:
+                handle.batched_scales = batch.scale.astype(np.float32)
 
     def hide(self) -> None:
         """Hides it until it is shown again."""

@@ -6,6 +6,7 @@ vertices, so nothing is drawn that the next solid hides, and shadows are coarser
 """
 
 from dataclasses import dataclass
+from functools import cache
 
 import mujoco
 import numpy as np
@@ -82,15 +83,7 @@ class SolidBatch:
 def batches(model: mujoco.MjModel) -> dict[str, SolidBatch]:
     """What is to be drawn of a model, by shape and opacity; floors and other planes are left out."""
     copies: dict[tuple[str, float], list[tuple[int, list[float], list[float]]]] = {}
-    # Each with the mesh of its shadow.
-    meshes: dict[str, tuple[Triangles, Triangles]] = {
-        "sphere": (sphere(10, 18), sphere(4, 8)),
-        "cap up": (cap(1.0, 3, 16), cap(1.0, 2, 8)),
-        "cap down": (cap(-1.0, 3, 16), cap(-1.0, 2, 8)),
-        "mantle": (mantle(16), mantle(8)),
-        "cylinder": (cylinder(16), cylinder(8)),
-        "box": (box(), box()),
-    }
+    meshes = _primitives().copy()
 
     def add(shape: str, geom: int, scale: list[float], up: float = 0.0) -> None:
         opacity = round(float(_colour(model, geom)[3]), 2)
@@ -136,6 +129,19 @@ def batches(model: mujoco.MjModel) -> dict[str, SolidBatch]:
             opacity=opacity,
         )
         for (shape, opacity), found in copies.items()
+    }
+
+
+@cache
+def _primitives() -> dict[str, tuple[Triangles, Triangles]]:
+    """Meshes by shape, each with that of its shadow."""
+    return {
+        "sphere": (sphere(10, 18), sphere(4, 8)),
+        "cap up": (cap(1.0, 3, 16), cap(1.0, 2, 8)),
+        "cap down": (cap(-1.0, 3, 16), cap(-1.0, 2, 8)),
+        "mantle": (mantle(16), mantle(8)),
+        "cylinder": (cylinder(16), cylinder(8)),
+        "box": (box(), box()),
     }
 
 

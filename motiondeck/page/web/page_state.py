@@ -7,6 +7,7 @@ from typing import Self
 import msgspec
 
 from controller.motion.rotations import Array
+from controller.motion.skeleton import SkeletonInfo
 from controller.wire.messages.deck_snapshot import DeckSnapshot
 from controller.wire.snapshot_numbers import SnapshotNumbers
 from hardware.rig.supervision.servo_states import ServoStates
@@ -34,11 +35,10 @@ class RigDescription(msgspec.Struct, frozen=True):
 
 
 class GhostDescription(msgspec.Struct, frozen=True):
-    """The human whose motion a robot plays: model file, bones with their parents, and the robot's size beside it."""
+    """The human whose motion a robot plays: model file, skeleton, and the robot's size beside it."""
 
     file: str
-    bones: list[str]
-    parent: list[int]
+    skeleton: SkeletonInfo
     scale: float
 
 
@@ -77,6 +77,7 @@ class PictureArrays:
     follower: Array | None = None  # those of the robot that mirrors it
     human_root: Array | None = None  # of the played human, shape (3,), m
     human_rotation: Array | None = None  # of its root and bones in the world, shape (1 + B, 4)
+    human_offsets: Array | None = None  # as `Pose.offsets`, shape (B, 3), m; 0 if not known
     target: Array | None = None  # the qpos that simulated servos are to reach
     # Points where the floor holds the body, m, and the forces there, N, shape (N, 6); NaN for none.
     contacts: Array | None = None

@@ -75,6 +75,7 @@ class PageContents:
             follower=np.zeros(others[0].robot.model.nq) if others else None,
             human_root=np.zeros(3) if human is not None else None,
             human_rotation=np.zeros((1 + len(human), 4)) if human is not None else None,
+            human_offsets=np.zeros((len(human), 3)) if human is not None else None,
             target=np.zeros(size) if hasattr(first.stage, "wanted") else None,  # the goals of its servos
             contacts=np.zeros((MOST_FORCES, 6)) if floor is not None else None,
             activation=np.zeros(len(activation)) if activation is not None else None,
@@ -171,7 +172,10 @@ class Page:
         if arrays.follower is not None and self._follower is not None:
             arrays.follower[:] = self._follower.qpos
         if arrays.human_root is not None and arrays.human_rotation is not None:
-            arrays.human_root[:], arrays.human_rotation[:] = self._human.pose(loop.seconds, loop.pose)
+            pose = self._human.pose(loop.seconds, loop.pose)
+            arrays.human_root[:], arrays.human_rotation[:] = pose.root_position, pose.rotation
+            if arrays.human_offsets is not None and pose.offsets is not None:
+                arrays.human_offsets[:] = pose.offsets
         if arrays.activation is not None and activation is not None:
             arrays.activation[:] = activation
         if arrays.target is not None and self._wanted is not None:
@@ -201,14 +205,15 @@ class LatePoses:
 
     def __init__(self, behind: float) -> None:
         self._behind = behind
-        self._poses: deque[tuple[float, Array, Array]] = deque()
+        self._poses: deque[tuple[float, Pose]] = deque()
 
-    def pose(self, seconds: float, pose: Pose) -> tuple[Array, Array]:
-        """Takes the pose of a time, s; place and rotation of the one that was `behind` earlier."""
-        self._poses.append((seconds, pose.root_position.copy(), pose.rotation.copy()))
+    def pose(self, seconds: float, pose: Pose) -> Pose:
+        """Takes the pose of a time, s; the one that was `behind` earlier."""
+        kept = Pose(pose.root_position.copy(), pose.heading, pose.rotation.copy(), offsets=pose.offsets)
+        self._poses.append((seconds, kept))
         while len(self._poses) > 1 and self._poses[1][0] <= seconds - self._behind:
             self._poses.popleft()
-        return self._poses[0][1:]
+        return self._poses[0][1]
 
 
 def show_act(act: Act, port: int) -> None:

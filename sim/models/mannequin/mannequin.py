@@ -102,6 +102,25 @@ def build_mannequin(skeleton: Skeleton) -> mujoco.MjSpec:
     return spec
 
 
+def fit_mannequin(model: mujoco.MjModel, skeleton: Skeleton) -> None:
+    """Gives a mannequin's model the lengths of another skeleton with the same bones and parents; masses stay."""
+    parts = anatomy(skeleton)
+    for bone, name in enumerate((ROOT_BODY, *skeleton.bones), ROOT):
+        body = model.body(name)
+        if bone != ROOT and (parent := int(skeleton.parent[bone])) != ROOT:
+            body.pos[:] = skeleton.offsets[parent]
+        solids = bone_solids(skeleton, parts, bone) if bone != ROOT else pelvis_solids(skeleton, parts)
+        for geom, solid in enumerate(solids, int(body.geomadr[0])):
+            model.geom_pos[geom], model.geom_quat[geom] = solid.centre, from_matrix(solid.axes)
+            model.geom_size[geom] = _size(solid)
+
+
+def _size(solid: Solid) -> list[float]:
+    """The size of a geom, m."""
+    a, b, c = solid.size.tolist()
+    return [a, b, c] if solid.shape == "ellipsoid" else [a, max(c, 1e-4), 0.0]
+
+
 def _felt_inertia(model: mujoco.MjModel) -> Array:
     """The diagonal of the mass matrix in the initial pose, shape (nv,)."""
     data = mujoco.MjData(model)
@@ -119,12 +138,11 @@ def _add_solids(body: mujoco.MjsBody, solids: list[Solid], mass: float, side: st
     long = [solid.shape == "capsule" and bool(solid.size[2] > 2.0 * solid.size[0]) for solid in solids]
     touching = long if any(long) else [solid.tone != "dark" for solid in solids]
     for solid, touches in zip(solids, touching, strict=True):
-        ellipsoid = solid.shape == "ellipsoid"
         body.add_geom(
-            type=mujoco.mjtGeom.mjGEOM_ELLIPSOID if ellipsoid else mujoco.mjtGeom.mjGEOM_CAPSULE,
+            type=mujoco.mjtGeom.mjGEOM_ELLIPSOID if solid.shape == "ellipsoid" else mujoco.mjtGeom.mjGEOM_CAPSULE,
             pos=solid.centre,
             quat=from_matrix(solid.axes),
-            size=solid.size if ellipsoid else [solid.size[0], max(float(solid.size[2]), 1e-4), 0.0],
+            size=_size(solid),
             mass=mass * solid.volume / volume,
             material=side if solid.tone == "limb" else solid.tone,
             contype=SELF if touches else OTHERS,

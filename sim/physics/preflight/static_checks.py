@@ -181,7 +181,9 @@ class CarriedChecks:
             footing.reset(DT)
         poses = list(played.poses) if tempo == 1.0 else poses_at(played, tempo, DT)
         roots, turns = (np.array([getattr(p, name) for p in poses]) for name in ("root_position", "rotation"))
-        clip = Clip(played.name, self._skeleton, 1.0 / DT, roots, turns)
+        offsets = poses[-1].offsets
+        body = self._skeleton if offsets is None else self._skeleton.with_offsets(offsets)
+        clip = Clip(played.name, body, 1.0 / DT, roots, turns)
         joints, qpos = np.empty((len(poses), len(robot.joints))), np.tile(robot.model.qpos0, (len(poses), 1))
         for k, pose in enumerate(poses):
             joints[k] = np.clip(retarget(pose), robot.limits.lower, robot.limits.upper)

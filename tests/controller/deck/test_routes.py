@@ -23,7 +23,9 @@ def motion(name, start, end, *, loop):
     exits = places if loop else places[-1:]
     upright = Posture(places[:, 3], np.zeros((10, 2)), np.zeros(10), np.tile([1.0, 0.0, 0.0, 0.0], (10, 2, 1)))
     course = BodyCourse(np.zeros((10, 7)))
-    return Motion(name, loop, places[:1], np.zeros((1, 4)), exits, course, upright, 0.1, 1.0, 1.0, 1.0, 1.0)
+    return Motion(
+        name, loop, places[:1], np.zeros((1, 4)), exits, course, upright, np.zeros((1, 3)), 0.1, 1.0, 1.0, 1.0, 1.0
+    )
 
 
 def repertoire(*motions):

@@ -1,12 +1,14 @@
 """What the live page draws besides the robot: the human whose motion it plays, and the marks of its feet."""
 
+from dataclasses import replace
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import mujoco
 import numpy as np
 import pytest
 
+from controller.motion.canonical.canonical_body import root_height
 from controller.motion.skeleton import Pose
 from motiondeck.page.body.drawn_model import DrawnModel
 from motiondeck.page.body.live_marks import LiveSteps, TargetPose
@@ -39,7 +41,7 @@ def test_the_human_is_drawn_in_the_pose_that_is_played(tmp_path):
     ghost = Ghost(drawn, model, about, -0.3)
     beneath = np.array([2.0, 1.0])
     for way, aside in ((WAYS[1], 0.0), (WAYS[2], -0.3)):
-        ghost.show(way, pose.root_position, pose.rotation, beneath, np.zeros(2))
+        ghost.show(way, pose, beneath, np.zeros(2))
         data = mujoco.MjData(model)
         data.qpos[:] = drawn.qpos
         mujoco.mj_kinematics(model, data)
@@ -48,8 +50,26 @@ def test_the_human_is_drawn_in_the_pose_that_is_played(tmp_path):
         for bone, name in enumerate(skeleton.bones):
             start = joints[skeleton.parent[bone] + 1]
             assert data.body(name).xpos == pytest.approx(start, abs=1e-5)
-    ghost.show(WAYS[0], pose.root_position, pose.rotation, beneath, np.zeros(2))
+    ghost.show(WAYS[0], pose, beneath, np.zeros(2))
     assert drawn.qpos is None
+
+
+def test_the_human_is_drawn_on_the_body_of_its_motion(tmp_path):
+    skeleton = human()
+    about = draw_ghost(skeleton, 0.4, tmp_path / "human.xml")
+    model = mujoco.MjModel.from_xml_path(about.file)
+    pose = bent_pose(skeleton, rkne=(0.0, -0.7, 0.2), lelb=(0.3, 0.0, -0.5))
+    own = skeleton.with_offsets(skeleton.offsets * np.linspace(0.8, 1.2, len(skeleton))[:, None])
+    drawn = DrawnModel(cast(Any, Floor()), model, 1.0)
+    Ghost(drawn, model, about, -0.3).show(WAYS[1], replace(pose, offsets=own.offsets), np.zeros(2), np.zeros(2))
+    joints = own.joints(np.array([0.0, 0.0, root_height(pose, skeleton, own)]), pose.rotation)
+    for bone, name in enumerate(skeleton.bones):
+        start = joints[skeleton.parent[bone] + 1]
+        assert drawn.data.body(name).xpos == pytest.approx(0.4 * start, abs=1e-5)
+    shank = model.geom_size[model.body("rank").geomadr[0] + 1]  # the capsule along it
+    assert 2.0 * shank[1] == pytest.approx(0.4 * own.length[skeleton.index("rank")], abs=1e-5)
+    for solid, batch in zip(drawn.solids, batches(model).values(), strict=True):
+        assert solid.batched_scales == pytest.approx(batch.scale)
 
 
 class Floor:

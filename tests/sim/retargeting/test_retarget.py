@@ -1,3 +1,4 @@
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -296,3 +297,13 @@ def test_a_body_without_a_leg_is_refused_by_that_leg():
     )
     with pytest.raises(FileFormatError, match="skeleton 'lame' has no left leg; the robot needs one"):
         LimbView(lame)
+
+
+def test_limbs_are_seen_on_the_body_of_the_motion():
+    body, pose = human(), bent_pose(human(), rsho=(0.0, 0.0, 0.4), back=(0.0, 0.3, 0.0))
+    own = body.with_offsets(body.offsets * np.linspace(0.6, 1.4, len(body))[:, None])
+    view, wanted = LimbView(body), LimbView(own)(pose)
+    plain = view(pose)
+    assert np.abs(plain - wanted).max() > 0.02
+    assert view(replace(pose, offsets=own.offsets)) == pytest.approx(wanted, abs=1e-12)
+    assert view(pose) == pytest.approx(plain, abs=1e-12)  # back on the skeleton's own

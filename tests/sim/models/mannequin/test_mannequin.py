@@ -11,7 +11,7 @@ from controller.motion.formats.reading import read_clip
 from controller.motion.skeleton import Pose
 from shipped_libraries import shipped
 from sim.models.joint_layout import JointLayout
-from sim.models.mannequin.mannequin import build_mannequin
+from sim.models.mannequin.mannequin import build_mannequin, fit_mannequin
 from sim.models.mannequin.solids import stature
 from sim.models.surface import reach
 from sim.physics.physics_model import feet_of
@@ -86,6 +86,19 @@ def test_every_skeleton_there_is_plays_back_exactly(mocap_data, file):
     # And the body is one that people have.
     assert 50.0 < model.body_mass.sum() < 100.0
     assert 1.5 < stature(clip.skeleton, anatomy(clip.skeleton)) < 2.0
+
+
+@pytest.mark.thorough
+def test_another_body_of_the_same_bones_looks_as_if_it_were_built():
+    body = human()
+    own = body.with_offsets(body.offsets * np.linspace(0.8, 1.2, len(body))[:, None])
+    fitted, built = build_mannequin(body).compile(), build_mannequin(own).compile()
+    fit_mannequin(fitted, own)
+    bones = [fitted.body(bone).id for bone in body.bones]
+    solids = np.isin(fitted.geom_bodyid, [1, *bones])
+    assert fitted.body_pos[bones] == pytest.approx(built.body_pos[bones])
+    for what in ("geom_pos", "geom_quat", "geom_size"):
+        assert getattr(fitted, what)[solids] == pytest.approx(getattr(built, what)[solids])
 
 
 def test_it_weighs_what_a_person_of_its_size_weighs():
