@@ -112,18 +112,22 @@ class DeckCommands(ABC, Generic[Commanded]):
         """
         self._request(commands.Layer(group, motion, weight, tempo))
 
-    def lock(self, source: Literal["beat", "deck", "body"], phase: float = 0.0, steps: int = 0) -> None:
-        """Locks the phase of loops to beats, another deck or the body ([how](docs/deck.md#locks)).
+    def lock(self, source: Literal["beat", "deck", "body", "person"], phase: float = 0.0, steps: int = 0) -> None:
+        """Locks the phase to beats, another deck, the body or a person ([how](docs/deck.md#locks)).
 
         CommandError if the network runs by itself, or there is nothing of that kind to lock to.
 
         Args:
             source: "beat" for the times that `beat` is given, "body" for the measured joints, "deck" for the deck
-                that `play` was given to lock to.
+                that `play` was given to lock to, "person" for what `follow` is given.
             phase: the phase that falls on a beat, or how far to be ahead of the other deck, from 0 to 1.
             steps: how many beats a round has, up to 16; 0 takes 1, 2, 4, 8 or 16, whichever tempo is nearest to 1.
         """
         self._request(commands.LockPhase(source, phase=phase, steps=steps))
+
+    def follow(self, motion: str, phase: float, tempo: float = 1.0, ago: float = 0.0) -> None:
+        """Says where a person was in a motion some seconds ago, and how fast; it counts after `lock("person")`."""
+        self._request(commands.FollowPerson(motion, phase, tempo, ago))
 
     def unlock(self) -> None:
         """Plays at the commanded tempo again."""

@@ -252,6 +252,15 @@ class Deck(Lockable):
         text = ", ".join(f"{group}: {motion}" for group, motion in self.layered.items()) or "no layers"
         self.events.append(Event("layer", text, self.motion, self.time))
 
+    def follow(self, motion: str, phase: float, tempo: float = 1.0, ago: float = 0.0) -> None:
+        """Goes where a person was `ago` seconds ago, if the deck is locked to them: to that motion, and in step.
+
+        CommandError if a number is out of its range. UnknownNameError if there is no such motion.
+        """
+        self._check(motion)
+        if self.see_person(motion, phase, tempo, ago) and motion != self.motion:
+            self.switch(motion, direct=True)
+
     def jump(self, phase: float) -> None:
         """Fades to a phase in [0, 1] of the present motion, from the next update on; in a loop 1 is 0.
 

@@ -5,10 +5,10 @@ from collections.abc import Callable
 
 from controller.deck.locks.body_lock import BodyLock, Measured
 from controller.deck.locks.phase_lock import LoopPlace, PhaseLock
-from controller.deck.locks.references import Beats, Leader, OtherDeck
+from controller.deck.locks.references import Beats, Leader, OtherDeck, Person
 from controller.deck.tempo import TEMPO_RATE, Paced
 from controller.motion.rotations import Array
-from controller.wire.messages.arguments import AGO, PHASE, STEPS
+from controller.wire.messages.arguments import AGO, PHASE, STEPS, TEMPO
 from controller.wire.messages.lock_state import LockSource, LockState
 from motiondeck_base.errors import MotiondeckError
 
@@ -29,6 +29,7 @@ class Lockable(Paced, ABC):
         super().__init__()
         self._lock: BodyLock | PhaseLock | None = None
         self._beats: Beats | None = None
+        self._person: Person | None = None
 
     def attach(
         self,
@@ -55,13 +56,14 @@ class Lockable(Paced, ABC):
         """The place in the motion at the latest update, at `time` s; None for an autonomous network."""
 
     def lock(self, source: LockSource, phase: float = 0.0, steps: int = 0) -> None:
-        """Locks the phase of loops to a reference; an earlier lock ends.
+        """Locks the phase of loops, to a person also of one-shots, to a reference; an earlier lock ends.
 
         CommandError if a number is out of its range. MotiondeckError if the network runs by itself, or there is no such
         source here.
 
         Args:
-            source: "beat" for the times that `beat` is given, "deck" for the `leader`, "body" for what is `measured`.
+            source: "beat" for the times that `beat` is given, "deck" for the `leader`, "body" for what is `measured`,
+                "person" for what `follow` is given.
             phase: the phase that falls on a beat, or how far to be ahead of the other deck, in [0, 1].
             steps: how many beats a round has, up to 16; 0 takes 1, 2, 4, 8 or 16, whichever tempo is nearest to 1.
         """
@@ -69,6 +71,7 @@ class Lockable(Paced, ABC):
         STEPS.check(steps)
         self.require_phase()
         beats: Beats | None = None
+        person: Person | None = None
         if source == "body":
             if self.measured is None:
                 raise MotiondeckError("this deck has no joints that are measured")
@@ -77,13 +80,15 @@ class Lockable(Paced, ABC):
             if self.leader is None:
                 raise MotiondeckError("this deck sees no other deck; start it with: motiondeck play --lock-to PORT")
             lock = PhaseLock(OtherDeck(self.leader, phase), TEMPO_RATE)
+        elif source == "person":
+            lock = PhaseLock(person := Person(), TEMPO_RATE)
         else:
             lock = PhaseLock(beats := Beats(phase, steps), TEMPO_RATE)
-        self._lock, self._beats = lock, beats
+        self._lock, self._beats, self._person = lock, beats, person
 
     def unlock(self) -> None:
         """Plays at the commanded tempo again."""
-        self._lock = self._beats = None
+        self._lock = self._beats = self._person = None
         super().set_tempo(self.commanded_tempo)
 
     def beat(self, ago: float = 0.0) -> None:
@@ -95,13 +100,27 @@ class Lockable(Paced, ABC):
         if self._beats is None:
             self.lock("beat")
         assert self._beats is not None, "locked to beats"
-        self._beats.clock.beat((self.due() if self.due is not None else self.time) - ago)
+        self._beats.clock.beat(self._clock() - ago)
+
+    def see_person(self, motion: str, phase: float, tempo: float, ago: float) -> bool:
+        """Takes where a person was `ago` seconds ago; whether this deck is locked to them.
+
+        CommandError if a number is out of its range.
+        """
+        for number, value in ((PHASE, phase), (TEMPO, tempo), (AGO, ago)):
+            number.check(value)
+        if self._person is not None:
+            self._person.see(self._clock() - ago, motion, phase, tempo)
+        return self._person is not None
+
+    def _clock(self) -> float:
+        return self.due() if self.due is not None else self.time
 
     def set_tempo(self, factor: float, over: float = 0.0) -> None:
         """Plays at another tempo, reached within `over` seconds; it ends a lock to beats or to another deck."""
         super().set_tempo(factor, over)
         if self._lock is not None and self._lock.owns_tempo:
-            self._lock = self._beats = None
+            self._lock = self._beats = self._person = None
 
     def _note(self, targets: Array) -> None:
         if isinstance(self._lock, BodyLock) and (playhead := self._playhead(self.time)) is not None:

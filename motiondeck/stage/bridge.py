@@ -16,6 +16,7 @@ from controller.wire.messages.replies import Event, Reply, State
 from motiondeck.stage.command_pattern import Notify, Signal
 from motiondeck.stage.midi import MidiInput
 from motiondeck.stage.osc import OscInput, OscOutput
+from motiondeck.stage.tracker import TrackerInput
 
 STATE_EVERY = 0.1  # the period of status requests, s
 
@@ -24,7 +25,7 @@ _POLL = 0.01  # s between reads of the deck's replies
 _MOST_WAITING = 256  # signals that are due later
 _MOST_AT_ONCE = 32  # signals given before replies are read; a deck takes bursts of 40
 
-Input = OscInput | MidiInput
+Input = OscInput | MidiInput | TrackerInput
 Answered = Callable[[str, DeckCommand, Reply], None]
 """Called with the source of a command, the command, and a reply to it."""
 

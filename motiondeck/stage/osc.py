@@ -30,6 +30,53 @@ LONGEST_AHEAD = 60.0  # the most that a bundle's time tag may be ahead, s; later
 _MOST = 256  # datagrams read at once
 
 
+def loopback_socket(port: int, what: str, place: str) -> socket.socket:
+    """A socket for datagrams from this machine; MotiondeckError names the place in the stage file to choose another."""
+    opened = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    opened.setblocking(False)
+    try:
+        opened.bind((LOOPBACK, port))
+    except OSError as error:
+        opened.close()
+        raise MotiondeckError(
+            f"{what} cannot listen on port {port} ({error.strerror}). Choose another: listen in {place}"
+        ) from None
+    return opened
+
+
+def own_datagrams(opened: socket.socket, notify: Notify, what: str) -> Iterator[bytes]:
+    """What programs of this user have sent, at most _MOST datagrams; those of others are reported and left out."""
+    for _ in range(_MOST):
+        try:
+            data, sender = opened.recvfrom(65536)
+        except BlockingIOError:
+            return
+        owners = owners_of_datagrams(sender)
+        if owners and owners <= {0, os.geteuid()}:
+            yield data
+            continue
+        whose = "another user's program" if owners else "a program that has already closed its socket"
+        notify(f"{what} from {whose} was left out")
+
+
+class OscMessages:
+    """Reads OSC packets; MotiondeckError if python-osc is not installed."""
+
+    def __init__(self, notify: Notify) -> None:
+        _require_python_osc()
+        self._notify = notify
+
+    def read(self, data: bytes) -> list[TimedMessage]:
+        """The messages of a packet; one that is malformed is reported and has none."""
+        from pythonosc.osc_packet import OscPacket, ParseError
+
+        try:
+            return OscPacket(data).messages
+        except (ParseError, ValueError, IndexError, struct.error, RecursionError) as error:
+            self._notify(f"OSC that cannot be read was left out ({error})")
+            return []
+
+
 class OscInput:
     """Commands from OSC messages to a port on loopback, by their address; what is refused here is passed to `notify`.
 
@@ -38,17 +85,9 @@ class OscInput:
     """
 
     def __init__(self, port: int, commands: Mapping[str, CommandPattern], notify: Notify) -> None:
-        _require_python_osc()
         self._commands, self._notify = commands, notify
-        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._socket.setblocking(False)
-        try:
-            self._socket.bind((LOOPBACK, port))
-        except OSError as error:
-            self._socket.close()
-            raise MotiondeckError(
-                f"OSC cannot listen on port {port} ({error.strerror}). Choose another: listen in [osc]"
-            ) from None
+        self._osc = OscMessages(notify)
+        self._socket = loopback_socket(port, "OSC", "[osc]")
 
     def fileno(self) -> int:
         """The socket."""
@@ -56,27 +95,9 @@ class OscInput:
 
     def read(self, now: float) -> Iterator[Signal]:
         """The commands that have arrived; malformed messages and those of other users are reported and left out."""
-        for _ in range(_MOST):
-            try:
-                data, sender = self._socket.recvfrom(65536)
-            except BlockingIOError:
-                return
-            owners = owners_of_datagrams(sender)
-            if not owners or not owners <= {0, os.geteuid()}:
-                whose = "another user's program" if owners else "a program that has already closed its socket"
-                self._notify(f"OSC from {whose} was left out")
-                continue
-            for timed in self._messages(data):
+        for data in own_datagrams(self._socket, self._notify, "OSC"):
+            for timed in self._osc.read(data):
                 yield from self._signals(timed, now)
-
-    def _messages(self, data: bytes) -> list[TimedMessage]:
-        from pythonosc.osc_packet import OscPacket, ParseError
-
-        try:
-            return OscPacket(data).messages
-        except (ParseError, ValueError, IndexError, struct.error, RecursionError) as error:
-            self._notify(f"OSC that cannot be read was left out ({error})")
-            return []
 
     def _signals(self, timed: TimedMessage, now: float) -> Iterator[Signal]:
         address = timed.message.address

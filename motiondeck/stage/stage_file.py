@@ -1,4 +1,4 @@
-"""The stage file: which OSC addresses, MIDI notes and times of a timecode give which commands."""
+"""The stage file: OSC addresses, MIDI notes and times of a timecode that give commands, and trackers."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -33,9 +33,20 @@ class _Midi(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     timecode: dict[str, str] = {}
 
 
+class TrackerMap(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Where points of a person arrive, and the motions that they are followed through."""
+
+    listen: Port  # the UDP port on loopback
+    library: str  # the one that the deck plays: a file or the name of a shipped one
+    points: tuple[str, ...] = ("head", "lhan", "rhan")  # joints of its body that are followed, or `root`
+    height: float | None = None  # of the person, m; without it they are as tall as the library's body
+    names: dict[str, str] = {}  # the point of each device, by its serial number
+
+
 class _StageFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     osc: _Osc = _Osc()
     midi: _Midi | None = None
+    tracker: TrackerMap | None = None
 
 
 @dataclass(frozen=True)
@@ -65,6 +76,7 @@ class StageMap:
 
     osc: OscMap
     midi: MidiMap | None
+    tracker: TrackerMap | None
 
     @property
     def patterns(self) -> list[CommandPattern]:
@@ -115,11 +127,11 @@ def read_stage(path: Path) -> StageMap:
             patterns("midi.controls", raw.midi.controls, _control),
             patterns("midi.timecode", raw.midi.timecode, Timecode.parse),
         )
-    if midi is None and raw.osc == _Osc():
-        problems.append("nothing is mapped: give listen or send_to in [osc], or [midi]")
+    if midi is None and raw.tracker is None and raw.osc == _Osc():
+        problems.append("nothing is mapped: give listen or send_to in [osc], [midi] or [tracker]")
     if problems:
         raise FileFormatError.listing(str(path), problems)
-    return StageMap(osc, midi)
+    return StageMap(osc, midi, raw.tracker)
 
 
 def _address(name: str) -> str:

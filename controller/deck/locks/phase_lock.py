@@ -1,4 +1,4 @@
-"""A phase lock: steers the tempo so that a loop keeps step with a reference that turns, a beat or another deck."""
+"""A phase lock: steers the tempo to keep step with a reference that turns: a beat, another deck, or a person."""
 
 # ruff: noqa: D102 (`references` documents what its sources do)
 
@@ -76,20 +76,22 @@ class Reference:
     rate: float  # rounds per second; negative backwards
     modulus: float = 1.0  # phases that differ by this are the same; less than a round where it has several beats
     steady: bool = True  # whether it is known well enough for a lock
+    once: bool = False  # whether it is a phase of a one-shot, which does not go round
+    turns_back: bool = False  # whether the motion may turn round to reach it, rather than wait
 
 
 class ReferenceSource(Protocol):
     """A source of reference phases."""
 
     @property
-    def name(self) -> Literal["beat", "deck"]: ...
+    def name(self) -> Literal["beat", "deck", "person"]: ...
     def reference(self, playhead: LoopPlace) -> Reference | None: ...  # called once a tick; None before there is one
     @property
     def per_minute(self) -> float | None: ...  # beats, if it has any
 
 
 class PhaseLock:
-    """Keeps a loop in step with a reference; one-shots are played at the commanded tempo."""
+    """Keeps a motion in step with a reference; without one it is played at the commanded tempo."""
 
     owns_tempo = True  # it replaces the commanded tempo
 
@@ -108,15 +110,17 @@ class PhaseLock:
     def steer(self, playhead: LoopPlace) -> Steering:
         """The reference's own tempo and a correction; far off it asks for a jump, when nothing else is under way."""
         reference = self.source.reference(playhead)
-        if reference is None or not playhead.loop:
+        if reference is None or playhead.loop == reference.once:
             self._note(playhead.time, None)
             return Steering(playhead.tempo)
         tempo = reference.rate * playhead.seconds
-        error = wrapped(reference.phase - playhead.phase, reference.modulus) * playhead.seconds
+        behind = reference.phase - playhead.phase
+        error = (behind if reference.once else wrapped(behind, reference.modulus)) * playhead.seconds
         self._note(playhead.time, error / max(abs(tempo), _SLOWEST) if reference.steady else None)
         if abs(error) > JUMPS_BEYOND and playhead.alone:
             return Steering(_clipped(tempo, tempo), (playhead.phase + error / playhead.seconds) % 1.0)
-        return Steering(_clipped(tempo + correction(error, self.rate), tempo))
+        steered = tempo + correction(error, self.rate)
+        return Steering(_clipped(steered, steered if reference.turns_back else tempo))
 
     def _note(self, time: float, error: float | None) -> None:
         self._error_s = error

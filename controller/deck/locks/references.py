@@ -1,4 +1,4 @@
-"""What the phase of a loop is locked to: beats, or the loop of another deck."""
+"""What the phase of a motion is locked to: beats, the loop of another deck, or a person."""
 
 import math
 from collections.abc import Callable
@@ -90,3 +90,32 @@ class OtherDeck:
         error = wrapped(new.phase - expected)
         # One that has jumped is not averaged.
         return new if abs(error) > 0.1 else Sighting(new.time, expected + GAIN * error, new.rate)
+
+
+LET_GO_AFTER = 0.5  # without a sighting for so long the motion plays on at the commanded tempo, s
+_LAST = 1.0 - 1e-6  # a phase of 1 would be that of the beginning
+
+
+class Person:
+    """A person who leads, seen from time to time in a motion; fits `phase_lock.ReferenceSource`."""
+
+    name: Literal["person"] = "person"
+    per_minute: None = None
+
+    def __init__(self) -> None:
+        self._motion, self._phase, self._tempo, self._time = "", 0.0, 1.0, -math.inf
+
+    def see(self, time: float, motion: str, phase: float, tempo: float) -> None:
+        """Takes the place in a motion, and the tempo, at a time of this deck's clock, s."""
+        self._motion, self._phase, self._tempo, self._time = motion, phase, tempo, time
+
+    def reference(self, playhead: LoopPlace) -> Reference | None:
+        """The person's phase now; None while they do something else, or were not seen for LET_GO_AFTER."""
+        since = playhead.time - self._time
+        if playhead.motion != self._motion or since > LET_GO_AFTER:
+            return None
+        rate = self._tempo / playhead.seconds
+        phase = self._phase + rate * since
+        return Reference(
+            phase if playhead.loop else min(max(phase, 0.0), _LAST), rate, once=not playhead.loop, turns_back=True
+        )

@@ -113,12 +113,22 @@ class GiveBeat(CommandMessage, frozen=True, tag="beat"):
 
 
 class LockPhase(CommandMessage, frozen=True, tag="lock"):
-    """Lock the phase to: beat (PHASE falls on it, STEPS beats a round, 0: automatic), deck (PHASE ahead), body."""
+    """Lock the phase to: beat (PHASE falls on it, STEPS a round, 0: automatic), deck (PHASE ahead), body, person."""
 
     row = CommandRow(("timed", "script"), record=14)
     source: Annotated[LockSource, arg.Choice("SOURCE", LOCK_SOURCES)]
     phase: Annotated[float, arg.PHASE] = 0.0
     steps: Annotated[int, arg.STEPS] = 0  # beats in a round of the motion; 0 for what keeps the tempo nearest to 1
+
+
+class FollowPerson(CommandMessage, frozen=True, tag="follow"):
+    """Say that a person was at PHASE of a motion AGO seconds ago, at a TEMPO, to a deck locked to them."""
+
+    row = CommandRow(("script",), record=25)
+    to: Annotated[str, arg.MotionName()]
+    phase: Annotated[float, arg.PHASE]
+    tempo: Annotated[float, arg.TEMPO] = 1.0
+    ago: Annotated[float, arg.AGO] = 0.0
 
 
 class Unlock(CommandMessage, frozen=True, tag="unlock"):
@@ -283,7 +293,9 @@ class AtTime(CommandMessage, frozen=True, tag="at"):
         self.say.check()
 
 
-_OfMotions = Switch | Queue | Blend | SetTempo | SetInput | Gaze | Layer | Jump | GiveBeat | LockPhase | Unlock
+_OfMotions = (
+    Switch | Queue | Blend | SetTempo | SetInput | Gaze | Layer | Jump | GiveBeat | LockPhase | FollowPerson | Unlock
+)
 _OfTheRun = Pause | StepOn | Resume | Home | EmergencyStop | Reset | Heartbeat | AlignTicks | AtTime
 _Questions = Subscribe | GetStatus | GetPhase
 _OfServos = ServoTorque | RestartServo | ReadRegisters | WriteRegister | ScanPorts

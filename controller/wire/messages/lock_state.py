@@ -4,7 +4,7 @@ from typing import Literal, get_args
 
 import msgspec
 
-LockSource = Literal["beat", "deck", "body"]
+LockSource = Literal["beat", "deck", "body", "person"]
 LockStage = Literal["searching", "locked", "waiting"]
 LOCK_SOURCES: tuple[LockSource, ...] = get_args(LockSource)
 LOCK_STAGES: tuple[LockStage, ...] = get_args(LockStage)
@@ -21,7 +21,7 @@ class LockState(msgspec.Struct, frozen=True):
 
     def __str__(self) -> str:
         """In a few words, as in "locked to the beat of 120.0 a minute (+4 ms)"."""
-        to = {"beat": "the beat", "deck": "another deck", "body": "the body"}[self.source]
+        to = {"beat": "the beat", "deck": "another deck", "body": "the body", "person": "a person"}[self.source]
         beat = f" of {self.per_minute:.1f} a minute" if self.per_minute is not None else ""
         off = f" ({self.error_ms:+.0f} ms)" if self.error_ms is not None else ""
         state = {"searching": "searching for", "locked": "locked to", "waiting": "waiting for"}[self.state]

@@ -1,4 +1,4 @@
-"""`motiondeck stage`: commands a running deck by OSC and MIDI."""
+"""`motiondeck stage`: commands a running deck by OSC, MIDI and trackers."""
 
 from __future__ import annotations
 
@@ -12,15 +12,17 @@ from typing import TYPE_CHECKING, Annotated
 from typer import Argument
 
 from controller.wire.command_socket import DEFAULT_PORT
-from controller.wire.messages.commands import DeckCommand, Gaze, GiveBeat, Pause, SetInput, SetTempo
+from controller.wire.messages.commands import DeckCommand, FollowPerson, Gaze, GiveBeat, Pause, SetInput, SetTempo
 from controller.wire.messages.replies import Refused, Reply
 from motiondeck.cli.remote.send import CommandPort, Host, TokenFile, client_of, state_of
 from motiondeck_base.counted import counted
 from motiondeck_base.errors import FileFormatError, MotiondeckError, UnknownNameError
 from motiondeck_base.printable import printable
-from motiondeck_base.shipped import find_stage
+from motiondeck_base.shipped import find_library, find_stage
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from controller.wire.command_socket import CommandClient
     from motiondeck.stage.bridge import Input
     from motiondeck.stage.stage_file import StageMap
@@ -46,19 +48,22 @@ def stage(
     host: Host = None,
     token_file: TokenFile = None,
 ) -> None:
-    """Command the running deck by OSC and MIDI.
+    """Command the running deck by OSC, MIDI and trackers of a person.
 
-    A stage file maps them to commands; the deck's end or Ctrl-C ends it. OSC is taken from programs of this user on
-    this machine only. For a deck on another machine run this where the sound desk is, with --host and --token-file.
+    A stage file maps them to commands; the deck's end or Ctrl-C ends it. OSC and trackers are taken from programs of
+    this user on this machine only. For a deck on another machine run this beside them, with --host and --token-file.
     Needs the extra `stage`: pip install "motiondeck\\[stage]".
 
     Examples:  motiondeck stage osc      motiondeck stage show.toml
     """
+    from controller.deck.person_follower import PersonFollower
+    from controller.library.motion_library import load_library
     from motiondeck.stage.bridge import Bridge
     from motiondeck.stage.midi import MidiInput
     from motiondeck.stage.midi_port import MidiGoneError, open_midi_port
     from motiondeck.stage.osc import OscInput, OscOutput
     from motiondeck.stage.stage_file import read_stage
+    from motiondeck.stage.tracker import TrackerInput
 
     path = find_stage(file)
     mapped = read_stage(path)
@@ -76,6 +81,13 @@ def stage(
             if mapped.midi is not None:
                 port = open_midi_port(mapped.midi.input)
                 inputs.append(opened.enter_context(closing(MidiInput(port, mapped.midi))))
+            if (tracker := mapped.tracker) is not None:
+                library = load_library(find_library(tracker.library))
+                _require_same_motions(library.network.motions, path, client)
+                follower = PersonFollower(library, tracker.points, tracker.height)
+                inputs.append(
+                    opened.enter_context(closing(TrackerInput(tracker.listen, follower, tracker.names, tell)))
+                )
             target = mapped.osc.target
             output = opened.enter_context(closing(OscOutput(*target))) if target is not None else None
             print(f"{path.name}: {_summary(mapped)}", flush=True)
@@ -100,6 +112,12 @@ def _check_motions(mapped: StageMap, path: Path, client: CommandClient) -> None:
         raise FileFormatError.listing(str(path), problems)
 
 
+def _require_same_motions(motions: Sequence[str], path: Path, client: CommandClient) -> None:
+    unknown = [motion for motion in motions if motion not in state_of(client).motions]
+    if unknown:
+        raise FileFormatError(f"{path}: library in [tracker] has motions that the deck lacks: {', '.join(unknown)}.")
+
+
 def _summary(mapped: StageMap) -> str:
     osc, midi = mapped.osc, mapped.midi
     parts: list[str] = []
@@ -112,6 +130,8 @@ def _summary(mapped: StageMap) -> str:
         parts.append(
             f"MIDI from {midi.input} ({counted(len(midi.notes), 'note')}, {counted(len(midi.cues), 'cue')}{clock})"
         )
+    if (tracker := mapped.tracker) is not None:
+        parts.append(f"trackers on port {tracker.listen} of loopback ({counted(len(tracker.points), 'point')})")
     return ", ".join(parts)
 
 
@@ -119,6 +139,6 @@ def _print_reply(source: str, command: DeckCommand, reply: Reply) -> None:
     """Prints a command and its reply; of those that come again and again only what is refused."""
     from motiondeck.run.terminal import describe
 
-    if isinstance(reply, Refused) or not isinstance(command, Gaze | GiveBeat | SetTempo | SetInput):
+    if isinstance(reply, Refused) or not isinstance(command, FollowPerson | Gaze | GiveBeat | SetTempo | SetInput):
         line = f"{source}: {command.row.word}: {describe(reply)}"
         print(printable(line).replace("\n", r"\n"), flush=True)

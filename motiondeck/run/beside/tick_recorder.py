@@ -13,7 +13,7 @@ import numpy as np
 from controller.loop.loop import LoopState
 from controller.motion.rotations import Array
 from controller.wire.messages.arguments import Number
-from controller.wire.messages.commands import DeckCommand, Gaze, SetInput
+from controller.wire.messages.commands import DeckCommand, FollowPerson, Gaze, SetInput
 from controller.wire.messages.deck_snapshot import DeckSnapshot
 from controller.wire.messages.replies import Refused, Reply
 from controller.wire.recorder import reason_file
@@ -61,7 +61,7 @@ class TickRecorder:
         """Remembers a command and whether it was refused."""
         fields = self._writer.fields
         # A value of a stream gives way to other commands of its tick.
-        if not message.row.record or (fields["command"][0] and isinstance(message, Gaze | SetInput)):
+        if not message.row.record or (fields["command"][0] and isinstance(message, FollowPerson | Gaze | SetInput)):
             return
         fields["command"][0] = message.row.record
         fields["refused"][0] = isinstance(reply, Refused)

@@ -144,6 +144,9 @@ class TinyDeck:
     def unlock(self):
         self.lock_state = None
 
+    def follow(self, motion, phase, tempo=1.0, ago=0.0):
+        self.followed = motion, phase, tempo, ago
+
     def beat(self, ago=0.0):
         self.beats.append(ago)
 

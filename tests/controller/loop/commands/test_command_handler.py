@@ -501,7 +501,7 @@ class FailingParts(Deck):
     def fail(self, *_, **__):
         raise self.error
 
-    switch = enqueue = blend_in = set_tempo = set_input = gaze = layer = lock = unlock = beat = jump = fail
+    switch = enqueue = blend_in = set_tempo = set_input = gaze = layer = lock = unlock = follow = beat = jump = fail
     step_on = resume = restart = registers = scan = push_from = due = align = fail
 
 

@@ -1,0 +1,82 @@
+"""A person in the motions of a library: which they do, where in it and how fast, from a few points of their body.
+
+The library's own motions, as its network plays them, are what the points are compared with (`phase_filter`).
+"""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from controller.deck.joins.deck_motions import Motion, read_motions
+from controller.deck.motion_generator import MotionGenerator
+from controller.deck.phase_filter import RATE, PhaseFilter
+from controller.library.motion_library import MotionLibrary
+from controller.motion.clip import FARTHEST
+from controller.motion.rotations import Array
+from controller.motion.skeleton import walk_path
+from motiondeck_base.errors import MotiondeckError, UnknownNameError
+
+ROOT = "root"
+SURE = 0.8  # the probability from which another motion counts
+FOR_STEPS = 6  # and for how many steps in a row
+
+
+class PersonFollower:
+    """Follows named points, joints of the library's body or `root`, of a person of some height, m.
+
+    UnknownNameError for a point that the body lacks. MotiondeckError for a network without a phase, or a wrong height.
+    """
+
+    def __init__(self, library: MotionLibrary, points: Sequence[str], height: float | None = None) -> None:
+        skeleton = library.encoding.skeleton
+        names = (ROOT, *skeleton.bones)
+        for point in points:
+            if point not in names:
+                raise UnknownNameError.among("point", point, names)
+        if library.network.as_phase_network is None:
+            raise MotiondeckError("the network of this library has no phase that could follow a person")
+        if height is not None and not 0.5 <= height <= 2.5:
+            raise MotiondeckError(f"a person of {height:g} m; give their height in metres, from 0.5 to 2.5")
+        motions = [read_motions(library)[name] for name in library.network.motions]
+        bodies = [body_course(library, motion) for motion in motions]
+        resting = skeleton.chain @ (skeleton.rest_direction * skeleton.length[:, None])
+        tall = float(np.ptp(resting[:, 2]))
+        self._scale = tall / height if height is not None else 1.0
+        self._motions = motions
+        own = [names.index(point) for point in points]
+        self._filter = PhaseFilter([body[:, own] for body in bodies], [motion.loop for motion in motions])
+        self._points = tuple(points)
+        self._shown, self._other = -1, 0  # the motion that counts, and the steps for which another is sure
+
+    def step(self, seen: Mapping[str, Sequence[float]]) -> tuple[str, float, float] | None:
+        """Goes on by 1 / RATE s with points in the world, m, z up: the motion, phase and tempo, once they are known."""
+        measured = np.array([seen.get(point, (np.nan,) * 3) for point in self._points], dtype=float)
+        measured[~(np.abs(measured) < FARTHEST)] = np.nan
+        self._filter.step(measured * self._scale)
+        best = self._filter.place()
+        sure = best.motion != self._shown and best.evidence >= SURE
+        self._other = self._other + 1 if sure else 0
+        if self._other >= FOR_STEPS:
+            self._shown = best.motion
+        if self._shown < 0:
+            return None
+        place, motion = self._filter.place(self._shown), self._motions[self._shown]
+        phase = place.frame / _steps(motion)
+        return motion.name, phase % 1.0 if motion.loop else min(max(phase, 0.0), 1.0), place.tempo
+
+
+def body_course(library: MotionLibrary, motion: Motion) -> Array:
+    """The joints of a motion as it is played in the world, at RATE: (T, 1 + B, 3), m; of a loop three rounds."""
+    steps = _steps(motion)
+    playing, dt = MotionGenerator(library, motion.name), _seconds(motion) / steps
+    rows = [playing.step(dt if row else 0.0) for row in range(3 * steps if motion.loop else steps)]
+    pose = walk_path(library.encoding.decode(np.array(rows)), dt)
+    return library.encoding.skeleton.joints(pose.root_position, pose.rotation)
+
+
+def _seconds(motion: Motion) -> float:
+    return motion.seconds if motion.loop else motion.whole
+
+
+def _steps(motion: Motion) -> int:
+    return max(2, round(_seconds(motion) * RATE))
