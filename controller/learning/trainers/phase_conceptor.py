@@ -17,7 +17,7 @@ import numpy as np
 
 from controller.learning.preparation.training_motion import TrainingMotion
 from controller.learning.reservoirs.conceptor_training import principal_directions
-from controller.learning.trainers.phase_driven import MotionByMotionTrainer, PhaseDrivenRecipe, affine_ridge, course_of
+from controller.learning.trainers.phase_driven import MotionByMotionTrainer, PhaseDrivenRecipe, course_of
 from controller.motion.rotations import Array, Indices
 from controller.networks.phase_conceptor.network import (
     Float16,
@@ -26,6 +26,7 @@ from controller.networks.phase_conceptor.network import (
     StoredPieces,
 )
 from controller.networks.reservoirs.phase_reservoir import Float32, PhaseCourse, PhaseReservoir, PhaseScales
+from controller.networks.reservoirs.readout_learning import affine_ridge
 from controller.networks.reservoirs.reservoir import Reservoir, drive
 
 # Overlap of pieces on either side of a seam, and washout of the reservoir, s.

@@ -25,13 +25,7 @@ from controller.networks.reservoirs.phase_reservoir import (
     PhaseReservoir,
     PhaseScales,
 )
-from controller.networks.ridge import ridge
-
-# Frames on either side of a seam and their weight for a readout, so that both pieces meet there.
-SEAM_FRAMES, SEAM_WEIGHT = 3, 100.0
-
-# Steps after the end of a one-shot, of which every HELD_EVERY-th counts for the readout of the pose that it holds.
-HELD_STEPS, HELD_EVERY = 600, 10
+from controller.networks.reservoirs.readout_learning import learn_readouts, settled_frames
 
 FEWEST_PIECE_FRAMES = 8  # a shorter piece does not determine its directions
 Recipe = TypeVar("Recipe", bound="PhaseDrivenRecipe")
@@ -81,37 +75,13 @@ def settled_lesson(unread: PhaseMotion, motion: TrainingMotion) -> tuple[Float32
 
     The frames, (T, C), are normalised.
     """
-    states, frames, piece = unread.states, motion.frames, unread.course.piece
+    frames, piece = motion.frames, unread.course.piece
     if (driving := motion.driving) is not None:
         states = np.concatenate([unread.settled_at(driving.level(variant.value)) for variant in motion.variants])
         frames = np.concatenate([variant.frames for variant in motion.variants])
         piece = np.tile(piece, len(motion.variants))
-    elif not motion.loop:
-        # The end may settle slowly, or in another state than the one in which it was learned.
-        later = unread.held_on(HELD_STEPS)[HELD_EVERY - 1 :: HELD_EVERY]
-        states = np.concatenate([states, later])
-        frames = np.concatenate([frames, np.repeat(frames[-1:], len(later), axis=0)])
-        piece = np.concatenate([piece, np.repeat(piece[-1:], len(later))])
-    return states, frames, piece
-
-
-def learn_readouts(states: Float32, piece: Indices, frames: Array, regulariser: float) -> Float32:
-    """A readout (R, r) of each piece, (P, C, k + 1), of settled states (T, k), frames (T, C) and their `piece` (T,)."""
-    pieces = [np.flatnonzero(piece == one) for one in range(int(piece.max()) + 1)]
-    weight = np.ones(len(frames))
-    for own in pieces if len(pieces) > 1 else []:
-        weight[own[:SEAM_FRAMES]] = weight[own[-SEAM_FRAMES:]] = SEAM_WEIGHT
-    found = [affine_ridge(states[own].astype(np.float64), frames[own], regulariser, weight[own]) for own in pieces]
-    # In the memory layout of a loaded network, which then plays bit by bit the same.
-    return np.ascontiguousarray(np.stack(found))
-
-
-def affine_ridge(states: Array, targets: Array, regulariser: float, weight: Array | None = None) -> Float32:
-    """(W, w) with targets ~ W states + w by weighted ridge regression, w not regularised, shape (C, k + 1)."""
-    centre, middle = (np.average(a, axis=0, weights=weight) for a in (states, targets))
-    root = 1.0 if weight is None else np.sqrt(weight)[:, None]
-    weights = ridge(root * (states - centre), root * (targets - middle), regulariser)
-    return np.column_stack([weights, middle - weights @ centre]).astype(np.float32)
+        return states, frames, piece
+    return settled_frames(unread, frames)
 
 
 class PhaseDrivenTrainer(Trainer[Recipe]):

@@ -3,12 +3,29 @@
 The channels are not fed back, so the states in playing are known before training, and one regression a piece suffices.
 """
 
+from collections.abc import Callable
+from typing import Any
+
+import msgspec
 import numpy as np
 
-from controller.learning.preparation.training_motion import TrainingMotion
+from controller.learning.key_fitting import error_mm, smallest_keys
+from controller.learning.measures.self_test import Judge
+from controller.learning.preparation.training_motion import Lessons, TrainingMotion
 from controller.learning.trainers.phase_driven import MotionByMotionTrainer, PhaseDrivenRecipe, course_of
-from controller.networks.phase_echo_state.network import PhaseEchoStateMotion, PhaseEchoStateNetwork, StoredReadouts
+from controller.learning.trainers.trainer import NewMotion, SettledNetwork
+from controller.motion.rotations import Array
+from controller.networks.keys import Keys
+from controller.networks.phase_echo_state.network import (
+    KEYED_RIDGE,
+    PhaseEchoStateMotion,
+    PhaseEchoStateNetwork,
+    StoredReadouts,
+)
+from controller.networks.reservoirs.phase_driven import PhaseDrivenNetwork
 from controller.networks.reservoirs.phase_reservoir import PhaseReservoir
+
+NEURONS_SHARE = 0.12  # of a tolerance, by which N is chosen: errors of N and of keys add up as squares
 
 
 class PhaseEchoStateRecipe(PhaseDrivenRecipe, frozen=True, kw_only=True, tag="phase-echo-state"):
@@ -34,6 +51,55 @@ class PhaseEchoStateTrainer(MotionByMotionTrainer[PhaseEchoStateRecipe]):
         shape = (int(course.piece[-1]) + 1, motion.frames.shape[1], recipe.neurons + 1)
         stored = StoredReadouts(np.zeros(shape, dtype=np.float32))
         return PhaseEchoStateMotion(stored, course, reservoir, motion.driving)
+
+    def sized(
+        self,
+        recipe: PhaseEchoStateRecipe,
+        lessons: Lessons,
+        seed: int,
+        judge: Judge,
+        progress: Callable[[str], None],
+    ) -> PhaseEchoStateRecipe:
+        """The recipe with the fewest neurons that leave most of the tolerance to the keys."""
+        if (tolerance := recipe.tolerance_mm) is None:
+            return recipe
+        strict = msgspec.structs.replace(recipe, tolerance_mm=NEURONS_SHARE * tolerance, ridge=KEYED_RIDGE)
+        neurons = super().sized(strict, lessons, seed, judge, progress).neurons
+        return msgspec.structs.replace(recipe, neurons=neurons)
+
+    def settle(self, recipe: PhaseEchoStateRecipe, lessons: Lessons, seed: int, judge: Judge) -> SettledNetwork:
+        if (tolerance := recipe.tolerance_mm) is None:
+            return super().settle(recipe, lessons, seed, judge)
+        network = self.train(recipe, lessons, seed)
+        keyed = {
+            name: _keyed(network[name], name, judge, frames, tolerance)
+            for name, frames in ((one.name, lessons.normalisation.invert(one.frames)) for one in lessons.motions)
+            if network.driving(name) is None
+        }
+        return SettledNetwork(network.with_motions(keyed))
+
+    def add(
+        self, recipe: PhaseEchoStateRecipe, network: PhaseDrivenNetwork[Any], motion: NewMotion
+    ) -> PhaseDrivenNetwork[Any]:
+        added = super().add(recipe, network, motion)
+        if recipe.tolerance_mm is None:
+            return added
+        name, frames = motion.name, motion.frames
+        judge = Judge(motion.encoding, {name: frames}, {name: motion.loop}, motion.rate)
+        return added.with_motions({name: _keyed(added[name], name, judge, frames, recipe.tolerance_mm)})
+
+
+def _keyed(
+    motion: PhaseEchoStateMotion, name: str, judge: Judge, frames: Array, tolerance_mm: float
+) -> PhaseEchoStateMotion:
+    """The motion that has learned frames (T, C), stored by the keys with the fewest bytes within a tolerance."""
+
+    def error_of(keys: Keys) -> float:
+        return error_mm(judge, name, motion.reading(keys).read())
+
+    course = motion.course
+    pieces = int(course.piece[-1]) + 1
+    return motion.reading(smallest_keys(frames, tolerance_mm, error_of, loop=course.loop, pieces=pieces))
 
 
 TRAINER = PhaseEchoStateTrainer()

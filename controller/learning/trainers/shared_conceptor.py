@@ -13,13 +13,14 @@ import numpy as np
 
 from controller.learning.preparation.training_motion import Lessons, TrainingMotion
 from controller.learning.trainers.phase_conceptor import PhaseRecipe, conceptor_of, piece_lessons
-from controller.learning.trainers.phase_driven import PhaseDrivenTrainer, course_of, learn_readouts, settled_lesson
+from controller.learning.trainers.phase_driven import PhaseDrivenTrainer, course_of, settled_lesson
 from controller.learning.trainers.trainer import NewMotion
 from controller.motion.encodings.normalisation import Normalisation
 from controller.motion.rotations import Array
 from controller.networks.base import AnyNetwork
 from controller.networks.phase_conceptor.network import Float16, PhaseConceptorMotion
 from controller.networks.reservoirs.phase_reservoir import Float32, PhaseCourse, PhaseReservoir
+from controller.networks.reservoirs.readout_learning import learn_readouts
 from controller.networks.shared_conceptor.network import Selection, SharedConceptorMotion, SharedConceptorNetwork
 
 

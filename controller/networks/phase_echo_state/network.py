@@ -9,18 +9,29 @@ The reservoir of an echo-state network (Deliallisi 2017, eq. 3.4 with a = 1) is 
 W, W_phi and b are drawn from a seed and shared; R and r belong to a motion, or to a piece of a long one. Nothing is fed
 back, so with a spectral radius below 1 the state forgets where it began, and with it every disturbance. Phase, pieces,
 tempo and inputs besides the phase are those of `phase_driven`.
+
+A small library stores no R. It has as many functions of the phase as a motion has keys (`networks.keys`), each a
+spline that the states are read out for, and R is their sum with the keys as factors: the ridge regression of the frames
+that the keys draw, which is solved when the motion is loaded.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from controller.motion.encodings.normalisation import Normalisation
 from controller.networks.driving_input import DrivingInput
+from controller.networks.keys import Keys
 from controller.networks.reservoirs.phase_driven import PhaseDrivenNetwork, PhaseMotion, PhasePlayer, stored_course
 from controller.networks.reservoirs.phase_reservoir import Float32, PhaseCourse, PhaseReservoir
-from controller.networks.storage import MotionHeader, StoredNetwork
+from controller.networks.reservoirs.readout_learning import learn_readouts, settled_frames
+from controller.networks.storage import MotionHeader, StoredNetwork, arrays_of
+
+KEYED_RIDGE = 1e-5  # gamma of readouts that keys stand for
 
 
 @dataclass(frozen=True)
@@ -28,6 +39,7 @@ class StoredReadouts:
     """A motion as a library keeps it: P pieces in N neurons, with C channels."""
 
     readout: Float32  # (R, r) in the units of the encoding, shape (P, C, N + 1)
+    keys: Keys | None = None  # that it was learned from and is stored by
 
 
 class PhaseEchoStateMotion(PhaseMotion):
@@ -45,6 +57,14 @@ class PhaseEchoStateMotion(PhaseMotion):
         self.driven = reservoir.harmonics_of(course.with_lead_in[0]) @ reservoir.phase_weights.T + reservoir.bias
         self.drive = reservoir.drive_weights.sum(1)  # W_u, shape (N,)
         self.recurrent = reservoir.weights.T
+
+    def reading(self, keys: Keys) -> PhaseEchoStateMotion:
+        """The motion with the readouts that keys stand for."""
+        states, frames, piece = settled_frames(self, keys.drawn(len(self), loop=self.course.loop))
+        stored = StoredReadouts(learn_readouts(states, piece, frames, KEYED_RIDGE), keys)
+        motion = PhaseEchoStateMotion(stored, self.course, self.reservoir)
+        vars(motion)["states"] = self.states
+        return motion
 
     def player(self, frame: int, state: Float32, level: float, runs: tuple[int, ...] = ()) -> PhaseEchoStatePlayer:
         return PhaseEchoStatePlayer(self, frame, state, level, runs)
@@ -76,12 +96,34 @@ class PhaseEchoStateNetwork(PhaseDrivenNetwork[PhaseEchoStateMotion]):
 
     kind = "phase-echo-state"
 
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """The stored arrays by name; no normalisation, which keys do without, if all motions have keys."""
+        alone = all(self[name].stored.keys is not None for name in self.motions)
+        found = {} if alone else arrays_of(self.normalisation, "")
+        for name in self.motions:
+            stored, at = self[name].stored, f"motion/{name}/"
+            held = {at + "held": np.array([self[name].course.held], dtype=np.int32), at + "readout": stored.readout}
+            found |= held if stored.keys is None else arrays_of(stored.keys, at)
+        return found
+
+    @classmethod
+    def load_normalisation(cls, stored: StoredNetwork) -> Normalisation:
+        if any(f"motion/{motion.name}/readout" in stored.stored for motion in stored.header.motions):
+            return stored.normalisation()
+        return Normalisation(np.zeros(stored.channels), np.ones(stored.channels))
+
     @classmethod
     def load_motion(
         cls, stored: StoredNetwork, motion: MotionHeader, sizes: dict[str, int], reservoir: PhaseReservoir
     ) -> PhaseEchoStateMotion:
-        own = sizes | {"e": sizes["n"] + 1}
-        readouts = StoredReadouts(**stored.read(f"motion/{motion.name}/", own, readout="pce"))
+        own, at, loop = sizes | {"e": sizes["n"] + 1}, f"motion/{motion.name}/", motion.plays == "loop"
+        if at + "packed" in stored.stored:
+            keys = Keys.load(stored, at, motion.frames)
+            _, held, _, pieces = keys.course.tolist()
+            blank = StoredReadouts(np.zeros((pieces, own["c"], own["e"]), dtype=np.float32))
+            course = PhaseCourse.of(motion.frames, pieces, loop=loop, held=held)
+            return PhaseEchoStateMotion(blank, course, reservoir).reading(keys)
+        readouts = StoredReadouts(stored.read(at, own, readout="pce")["readout"])
         return PhaseEchoStateMotion(readouts, stored_course(stored, motion, own["p"]), reservoir, motion.input)
 
 

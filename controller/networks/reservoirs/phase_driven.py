@@ -289,12 +289,17 @@ class PhaseDrivenNetwork(ReservoirNetwork[Motion]):
 
     @classmethod
     def load(cls, stored: StoredNetwork) -> Self:
-        header, normalisation = stored.header, stored.normalisation()
+        header, normalisation = stored.header, cls.load_normalisation(stored)
         if (scales := header.scales) is None:
             raise stored.error("its header has no scales for the weights that its motions share")
         reservoir = PhaseReservoir.draw(scales, stored.channels, header.seed)
         sizes = {"c": stored.channels, "n": scales.neurons}
         return cls(scales, header.seed, normalisation, cls.load_motions(stored, sizes, reservoir))
+
+    @classmethod
+    def load_normalisation(cls, stored: StoredNetwork) -> Normalisation:
+        """The normalisation of a file."""
+        return stored.normalisation()
 
     @classmethod
     def load_motions(cls, stored: StoredNetwork, sizes: dict[str, int], reservoir: PhaseReservoir) -> dict[str, Motion]:

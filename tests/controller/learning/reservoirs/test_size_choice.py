@@ -15,7 +15,7 @@ class Conceptors(PhaseConceptorTrainer):
 
 
 class EchoState(PhaseEchoStateTrainer):
-    sizes = ({"neurons": 10}, {"neurons": 40}, {"neurons": 120})
+    sizes = ({"neurons": 40}, {"neurons": 120})
 
 
 def chosen(tolerance, trainer, **changes):
@@ -32,8 +32,8 @@ def sized(trainer, recipe):
     return {name: getattr(recipe, name) for name in trainer.sizes[0]}
 
 
-@pytest.mark.parametrize("trainer", [Conceptors(), EchoState()])
-def test_a_network_is_as_large_as_the_tolerance_asks_for(trainer):
+def test_a_network_is_as_large_as_the_tolerance_asks_for():
+    trainer = Conceptors()
     loose, loose_error = chosen(20.0, trainer, piece_seconds=2.0)
     tight, tight_error = chosen(0.5 * loose_error, trainer, piece_seconds=2.0)
     assert loose.piece_seconds == 2.0
@@ -41,6 +41,15 @@ def test_a_network_is_as_large_as_the_tolerance_asks_for(trainer):
     assert tight_error <= 0.5 * loose_error
     assert sized(trainer, loose) in trainer.sizes[:2]
     assert tight.neurons > loose.neurons
+
+
+@pytest.mark.parametrize(("tolerance", "neurons"), [(60.0, 40), (0.5, 120)])
+def test_an_echo_state_network_has_the_neurons_that_its_tolerance_asks_for(tolerance, neurons):
+    motions, normalisation = synthetic.lessons()
+    lessons = Lessons(motions, normalisation, synthetic.RATE)
+    recipe = EchoState.recipe(tolerance_mm=tolerance)
+    sized = EchoState().sized(recipe, lessons, 0, synthetic.judge(), lambda _: None)
+    assert (sized.neurons, sized.ridge, sized.tolerance_mm) == (neurons, recipe.ridge, tolerance)
 
 
 def test_the_largest_is_taken_where_none_will_do():
