@@ -18,6 +18,8 @@ direction by the seed, and what it does next is searched from where it then is: 
     python -m benchmarks physical ../shared/data --models published-models --download
     python -m benchmarks physical ../shared/data --motions nnRawWalk,02_04 --seeds 1 --seconds 4
 
+With --planner ps, mppi or cem a sampling planner of judo (`pip install --no-deps judo-rai`) takes the search's place.
+
 A run that was stopped continues: rows that are in the results are not computed again.
 """
 
@@ -29,8 +31,9 @@ import tempfile
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import mujoco
 import numpy as np
@@ -44,7 +47,8 @@ from controller.motion.canonical.clip_edits import resampled, without_reference_
 from controller.motion.clip import Clip, ReadingOptions
 from controller.motion.formats.acclaim.amc import skeleton_of
 from controller.motion.formats.reading import read_clip
-from sim.physical.course import played
+from sim.physical.course import Batch, CarriedCourse, played
+from sim.physical.search import Effort, Search
 from sim.physical.stage import RATE, OnItsFeet, PhysicalStage
 from sim.physics.physics_model import physics_model
 from sim.physics.pushes import usual_push
@@ -69,6 +73,7 @@ COUNT_SHARED = 10
 LOW, TILTED, LASTS = 0.25, 50.0, 0.3  # m and degrees beside the carried pelvis, and s that it is low
 REPLAYS, NOISE = 10, 0.001  # m and rad
 FIRST_PUSH, PUSHED_EVERY = 0.5, 1.0  # s
+OURS = "search"
 
 Array = NDArray[np.float64]
 Row = dict[str, Any]
@@ -141,12 +146,13 @@ def pushes(robot: Robot, share: float, seed: int) -> Callable[[float], Array]:
     return pushed
 
 
-def measured(robot: Robot, clip: Clip, seed: int, push: float) -> tuple[Row, OnItsFeet]:
+def measured(robot: Robot, clip: Clip, seed: int, push: float, planner: str = OURS) -> tuple[Row, OnItsFeet]:
     """A row of one motion and seed."""
     carried = retargeted(robot, clip)
     started = time.process_time()
     stage = PhysicalStage(robot, carried)
-    found = stage.search(seed, pushed=pushes(robot, push, seed) if push else None)
+    pushed = pushes(robot, push, seed) if push else None
+    found = stage.search(seed, pushed=pushed, planner=Search if planner == OURS else sampled(planner, seed))
     cpu = time.process_time() - started
     done, asked = found.motion.qpos, carried.qpos[: len(found.motion)]
     fallen, model = has_fallen(done, asked), physics_model(robot, "free")
@@ -157,6 +163,14 @@ def measured(robot: Robot, clip: Clip, seed: int, push: float) -> tuple[Row, OnI
     if not row["fell"] and not push:
         row["kept"] = kept(stage, found, done, asked, seed)
     return row, found
+
+
+def sampled(planner: str, seed: int) -> Callable[[Batch, CarriedCourse, Effort], Search]:
+    """A planner of judo, which draws from NumPy's global state."""
+    from benchmarks.robots.physical_peers import SampledSearch
+
+    np.random.seed(seed)  # noqa: NPY002
+    return partial(SampledSearch, planner)
 
 
 def kept(stage: PhysicalStage, found: OnItsFeet, done: Array, asked: Array, seed: int) -> float:
@@ -188,6 +202,7 @@ def main(
     seeds: Annotated[int, typer.Option(help="Seeds of each motion.")] = 3,
     seconds: Annotated[float, typer.Option(help="Of each recording.")] = 6.0,
     push: Annotated[float, typer.Option(help="Shares of the usual push, once a second.")] = 0.0,
+    planner: Annotated[Literal["search", "ps", "mppi", "cem"], typer.Option(help="What plans the offsets.")] = OURS,
     results: Annotated[Path, typer.Option(help="A JSON object a row; what is there is not repeated.")] = Path(
         "physical.jsonl"
     ),
@@ -196,16 +211,17 @@ def main(
     if download:
         fetch(models, {"unitree_g1"})
     rows: list[Row] = [json.loads(text) for text in results.read_text().splitlines()] if results.exists() else []
-    done = {(row["motion"], row["seed"], row["asked"], row.get("push", 0.0)) for row in rows}
+    done = {(row["motion"], row["seed"], row["asked"], row.get("push", 0.0), row.get("planner", OURS)) for row in rows}
     with tempfile.TemporaryDirectory() as folder:
         load = RobotLoader(g1_file(models, Path(folder)))
         for seed in range(seeds):
             for path in recordings(data, motions):
-                if (path.stem, seed, seconds, push) in done:
+                if (path.stem, seed, seconds, push, planner) in done:
                     continue
                 clip = clip_of(path, data, seconds)
-                row, found = measured(load(clip.skeleton, None, 1.0 / RATE), clip, seed, push)
-                rows.append({"motion": path.stem, "seed": seed, "asked": seconds, "push": push} | row)
+                row, found = measured(load(clip.skeleton, None, 1.0 / RATE), clip, seed, push, planner)
+                asked = {"motion": path.stem, "seed": seed, "asked": seconds, "push": push, "planner": planner}
+                rows.append(asked | row)
                 with results.open("a") as file:
                     file.write(json.dumps(rows[-1]) + "\n")
                 print(line(rows[-1]), file=sys.stderr, flush=True)
@@ -213,7 +229,7 @@ def main(
                     keep.mkdir(parents=True, exist_ok=True)
                     np.savez(keep / f"{path.stem}.{seed}.npz", qpos=found.motion.qpos, fps=RATE)
     print("motion                       seed plain   stood            path  pose    flight replays    cpu")
-    rows = [row for row in rows if row.get("push", 0.0) == push]
+    rows = [row for row in rows if (row.get("push", 0.0), row.get("planner", OURS)) == (push, planner)]
     for row in sorted(rows, key=lambda row: (row["motion"], row["seed"])):
         print(line(row))
     stands = sum(not row["fell"] for row in rows)

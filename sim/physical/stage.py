@@ -12,7 +12,7 @@ import mujoco
 import numpy as np
 
 from controller.motion.rotations import Array
-from sim.physical.course import KNOT, STEP, Batch, course_of, played
+from sim.physical.course import KNOT, STEP, Batch, CarriedCourse, course_of, played
 from sim.physical.search import Effort, Search
 from sim.physics.physics_model import physics_model
 from sim.physics.recovery import has_fallen
@@ -54,14 +54,16 @@ class PhysicalStage:
         effort: Effort | None = None,
         progress: Callable[[float], None] = lambda seconds: None,
         pushed: Callable[[float], Array] | None = None,
+        planner: Callable[[Batch, CarriedCourse, Effort], Search] = Search,
     ) -> OnItsFeet:
         """Looks for the offsets, knot by knot, until the motion ends or the robot falls.
 
         `seed` chooses by how little the robot starts beside the motion; `progress` gets the seconds done.
         `pushed` gives the velocity, shape (2,), m/s, that a push adds at a time, s: the search goes on from there.
+        `planner` makes another search.
         """
         effort, course, batch = effort or Effort(), self.course, self.batch
-        search, knots, now = Search(batch, course, effort), len(course.states), 0
+        search, knots, now = planner(batch, course, effort), len(course.states), 0
         start = np.random.default_rng(seed).normal(0.0, np.repeat([STARTS, 0.0], batch.model.nv))
         states, fell = batch.moved(course.states[:1], start), None
         for ahead in range(effort.begins, effort.ahead, effort.moves):

@@ -131,6 +131,14 @@ def test_a_push_is_answered_from_where_the_robot_is(stage, found):
     assert (other.motion.qpos - found.motion.qpos)[knot + 1, 0] > 0.0001
 
 
+def test_without_a_plan_it_falls_as_with_the_targets_alone(stage):
+    class Still(Search):
+        def improve(self, state, now, ahead):
+            pass
+
+    assert stage.search(planner=Still).fell_s == pytest.approx(stage.plain(), abs=0.06)
+
+
 def test_a_fall_ends_the_motion_at_its_second(hanging):
     found = hanging.search()
     assert found.fell_s == pytest.approx(np.sqrt(2.0 * 0.5 / 9.81), abs=0.1)
