@@ -173,27 +173,15 @@ def mantle(segments: int) -> Triangles:
 
 def cylinder(segments: int) -> Triangles:
     """The mantle of a cylinder of radius 1 from z = -1 to 1, with lids."""
-    vertices, faces = mantle(segments)
-    lid, lid_faces = _surface(np.array([0.0, 1.0]), np.array([1.0, 1.0]), segments)
-    floor, floor_faces = _surface(np.array([1.0, 0.0]), np.array([-1.0, -1.0]), segments)
-    count = len(vertices)
-    return (
-        np.concatenate([vertices, lid, floor]),
-        np.concatenate([faces, lid_faces + count, floor_faces + count + len(lid)]),
-    )
+    return creased(_surface(np.array([0.0, 1.0, 1.0, 0.0]), np.array([1.0, 1.0, -1.0, -1.0]), segments))
 
 
 def box() -> Triangles:
     """A cube from -1 to 1; each side has its own corners, so that its edges stay sharp."""
-    vertices, faces = [], []
-    for axis in range(3):
-        for sign in (-1.0, 1.0):
-            u, v, w = np.roll(np.eye(3), axis, axis=0)
-            corners = [sign * u + a * v + b * w for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
-            order = [(0, 1, 2), (0, 2, 3)] if sign > 0 else [(0, 2, 1), (0, 3, 2)]
-            faces += [[len(vertices) + i for i in triangle] for triangle in order]
-            vertices += corners
-    return np.array(vertices, dtype=np.float32), np.array(faces, dtype=np.uint32)
+    from trimesh.creation import box as cube
+
+    solid = cube((2.0, 2.0, 2.0))
+    return creased((solid.vertices.astype(np.float32), solid.faces.astype(np.uint32)))
 
 
 def _surface(radius: Array, height: Array, segments: int) -> Triangles:
