@@ -17,8 +17,8 @@ from typing import Annotated
 import typer
 
 from benchmarks import command
-from controller.learning.learn import recordings_in
 from controller.learning.recording_analysis import analyse_recording
+from controller.motion.formats.reading import recordings_in
 from motiondeck_base.errors import MotiondeckError
 
 CHOSEN_ON = ("hdm05/*/HDM_bd_*", "hdm05/*/HDM_dg_*", "cmu/*", "jaeger/*")
@@ -71,7 +71,7 @@ def main(
 ) -> None:
     rows: list[dict[str, str | bool]] = []
     several: list[str] = []
-    for file in recordings_in([data]):
+    for file in recordings_in([data], convertible=True):
         name = file.relative_to(data).as_posix()
         try:
             motions = analyse_recording(file, "motion")

@@ -22,7 +22,7 @@ from joblib import delayed
 
 from benchmarks import command
 from controller.deck.motion_generator import MotionGenerator
-from controller.learning.learn import LearnedLibrary, LearnedMotion, learn, recordings_in
+from controller.learning.learn import LearnedLibrary, LearnedMotion, learn
 from controller.learning.measures.self_test import distances
 from controller.learning.preparation.loops import SEAM_SECONDS
 from controller.library.motion_library import MotionLibrary
@@ -31,7 +31,7 @@ from controller.motion.canonical.clip_edits import resampled
 from controller.motion.clip import Clip, ReadingOptions
 from controller.motion.encodings.motion_matching import joint_features
 from controller.motion.formats.acclaim.amc import skeleton_of
-from controller.motion.formats.reading import read_clip
+from controller.motion.formats.reading import read_clip, recordings_in
 from controller.motion.rotations import rotate
 from motiondeck.cli.common.options import JobsOption
 from motiondeck_base.errors import MotiondeckError
@@ -167,7 +167,7 @@ def main(
     """Learn every recording of a folder in libraries of 8 to 16, and print what became of them per source."""
     where = Jobs.parse(jobs)
     sources: dict[Path, list[Path]] = defaultdict(list)
-    for file in recordings_in([folder]):
+    for file in recordings_in([folder], convertible=True):
         sources[file.parent].append(file)
     print(f"{'source':36} files   read   carried   learned   played   off, mm: median   largest   seconds")
     for source, files in sources.items():

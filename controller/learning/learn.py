@@ -24,7 +24,7 @@ from controller.learning.training_set import COMMON_RATE, LearnedPart, Progress,
 from controller.library.motion_library import MotionInfo, MotionLibrary
 from controller.motion.canonical.actors import hands_off
 from controller.motion.clip import AS_FOUND, Clip, Decision, Plays, ReadingOptions
-from controller.motion.formats.reading import CONVERTIBLE, FORMATS, recordings_below
+from controller.motion.formats.reading import recordings_in
 from controller.motion.joint_tree import SeveralPeopleError
 from controller.motion.upper_body import ACCEPTED
 from motiondeck_base.errors import MotiondeckError
@@ -74,27 +74,6 @@ class LearnedLibrary:
         return [motion for motion in self.motions if not motion.passed]
 
 
-def recordings_in(paths: Iterable[Path]) -> list[Path]:
-    """Files, and the recordings in folders and below, without repetitions; those that must be converted last.
-
-    MotiondeckError if a path does not exist, or there is no recording.
-    """
-    paths = list(paths)
-    found: list[Path] = []
-    for path in paths:
-        if path.is_dir():
-            found += recordings_below(path)
-            found += sorted(one for one in path.rglob("*") if one.suffix.lower() in CONVERTIBLE and one.is_file())
-        elif path.exists():
-            found.append(path)
-        else:
-            raise MotiondeckError.missing(path, "file or folder")
-    if not found:
-        where = ", ".join(map(str, paths)) or "nothing was given"
-        raise MotiondeckError(f"{where}: no recording found. Recordings end in {', '.join(sorted(FORMATS))}.")
-    return list(dict.fromkeys(found))
-
-
 def learn(
     paths: Iterable[Path],
     name: str,
@@ -129,7 +108,7 @@ def learn(
         MotiondeckError: if no recording can be used, or bodies and rigs are mixed.
     """
     options = replace(options, upper_body=options.upper_body or ACCEPTED in (accept or ()))
-    takes = _takes(recordings_in(paths))
+    takes = _takes(recordings_in(paths, convertible=True))
     files = list(takes)
     names = _names(files)
     examined: list[AnalysedRecording] = []

@@ -190,12 +190,13 @@ def _learn_recordings(options: LearnOptions, out: Path, reading: ReadingOptions,
     from controller.learning.recipe import recipe_text
     from controller.library.motion_library import save_library
     from controller.motion.clip import AS_FOUND
+    from controller.motion.formats.reading import recordings_in
     from motiondeck.cli.common.verdict_report import verdicts_on
     from motiondeck.cli.learn_report import report_recordings
     from motiondeck.cli.robot.retarget import stand
     from sim.robots.catalogue import find_robot
 
-    files, folder = learning.recordings_in(options.what), out.with_suffix("")
+    files, folder = recordings_in(options.what, convertible=True), out.with_suffix("")
     stood: list[StoodFile] = []
     if options.physical:
         stood = stand(files, find_robot(str(options.robot)), folder, options=reading)

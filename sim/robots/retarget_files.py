@@ -17,7 +17,7 @@ from joblib import delayed
 
 from controller.motion.canonical.clip_edits import breaks, resampled, without_reference_pose
 from controller.motion.clip import Clip
-from controller.motion.formats.reading import read_clip, recordings_below
+from controller.motion.formats.reading import read_clip, recordings_in
 from controller.motion.formats.robot_motions import JOINTS_FILE
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.files import write_file
@@ -114,13 +114,8 @@ def _places(paths: Sequence[Path], format: Format) -> dict[Path, Path]:
     """Recording to output file, relative to the folder of the files."""
     places: dict[Path, Path] = {}
     for path in paths:
-        if not path.exists():
-            raise MotiondeckError.missing(path, "file or folder")
-        found = recordings_below(path) if path.is_dir() else [path]
-        if not found:
-            raise MotiondeckError(f"{path}: there is no recording in this folder")
         top = path if path.is_dir() else path.parent
-        places |= {file: file.relative_to(top).with_suffix(ending(format)) for file in found}
+        places |= {file: file.relative_to(top).with_suffix(ending(format)) for file in recordings_in([path])}
     taken: dict[Path, Path] = {}
     for recording, place in places.items():
         other = taken.setdefault(place, recording)

@@ -3,6 +3,7 @@
 import importlib
 import pkgutil
 import tomllib
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
@@ -13,7 +14,7 @@ from controller.motion.formats.markers.marker_fit import Fit, fit_markers, wears
 from controller.motion.formats.markers.skin_markers import joints_under_skin
 from controller.motion.joint_tree import chosen_person
 from controller.motion.take.steps import taken
-from motiondeck_base.errors import FileFormatError
+from motiondeck_base.errors import FileFormatError, MotiondeckError
 
 
 def _all_formats() -> list[Format]:
@@ -76,6 +77,28 @@ def recordings_below(folder: Path) -> list[Path]:
     """The recordings in a folder and its subfolders; of tables and arrays those that hold a motion."""
     files = (path for path in folder.rglob("*") if path.suffix.lower() in FORMATS and path.is_file())
     return sorted(path for path in files if any(row.matches(path) for row in FORMATS[path.suffix.lower()]))
+
+
+def recordings_in(paths: Iterable[Path], convertible: bool = False) -> list[Path]:
+    """Files, and the recordings in folders and below, without repetitions; last those that must be converted, if asked.
+
+    MotiondeckError if a path does not exist, or there is no recording.
+    """
+    paths = list(paths)
+    found: list[Path] = []
+    for path in paths:
+        if path.is_dir():
+            found += recordings_below(path)
+            if convertible:
+                found += sorted(one for one in path.rglob("*") if one.suffix.lower() in CONVERTIBLE and one.is_file())
+        elif path.exists():
+            found.append(path)
+        else:
+            raise MotiondeckError.missing(path, "file or folder")
+    if not found:
+        where = ", ".join(map(str, paths)) or "nothing was given"
+        raise MotiondeckError(f"{where}: no recording found. Recordings end in {', '.join(sorted(FORMATS))}.")
+    return list(dict.fromkeys(found))
 
 
 def _format_of(path: Path) -> Format | None:

@@ -10,7 +10,7 @@ import numpy as np
 from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.motion.canonical.clip_edits import without_reference_pose
 from controller.motion.clip import Clip
-from controller.motion.formats.reading import FORMATS, read_clip, recordings_below
+from controller.motion.formats.reading import read_clip
 from motiondeck.cli.common.tables import show_table
 from motiondeck_base.counted import counted
 from motiondeck_base.errors import MotiondeckError
@@ -21,18 +21,6 @@ from sim.robots.fidelity import Carried, carry, floor_measures, joint_measures, 
 from sim.robots.limb_directions import LimbDirections, beyond_limits
 from sim.robots.robot import Robot, RobotLoader
 from sim.robots.verdict import REMEDIES, Finding, summed, verdict_of
-
-
-def recordings(paths: Sequence[Path]) -> list[Path]:
-    """The recordings among some files and in some folders, sorted; MotiondeckError if there are none."""
-    found: list[Path] = []
-    for path in paths:
-        if not path.exists():
-            raise MotiondeckError.missing(path, "file or folder")
-        found += recordings_below(path) if path.is_dir() else [path]
-    if not found:
-        raise MotiondeckError(f"{', '.join(map(str, paths))}: no recordings ({', '.join(sorted(FORMATS))}) there")
-    return found
 
 
 def check(robot: Path, files: Sequence[Path], solver: Solver | None, seconds: float | None) -> Iterator[dict[str, Any]]:

@@ -236,7 +236,8 @@ def check(
       motiondeck robot check servo20 recordings/ --solver ik
       motiondeck robot check op3.toml walk.bvh jog.amc --json
     """
-    from motiondeck.cli.robot.check import answer, passes, print_rows, recordings
+    from controller.motion.formats.reading import recordings_in
+    from motiondeck.cli.robot.check import answer, passes, print_rows
     from motiondeck.cli.robot.check import check as rows_of
     from motiondeck.run.spec.run_spec import check_seconds
     from sim.models.robot_file import solver_named
@@ -244,7 +245,7 @@ def check(
 
     check_seconds(seconds)
     named = solver_named(solver)
-    found = recordings(files)
+    found = recordings_in(files)
     rows = collected(rows_of(find_robot(robot), found, named, seconds), "carrying", len(found))
     if as_json:
         judged = [row | {"verdict": row["verdict"].row()} if "verdict" in row else row for row in rows]

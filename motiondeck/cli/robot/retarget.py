@@ -66,7 +66,7 @@ def retarget(
       motiondeck retarget walk.bvh dance.c3d --robot g1.toml --out motions --format csv
       motiondeck retarget walk.bvh --robot g1.toml --out motions --physical
     """
-    from controller.learning.learn import recordings_in
+    from controller.motion.formats.reading import recordings_in
     from motiondeck_base.jobs import Jobs
     from sim.models.robot_file import solver_named
     from sim.robots.catalogue import find_robot

@@ -13,14 +13,14 @@ import pytest
 from bodies import waving
 from command_line import invoked
 from controller.learning.fit import fit, fit_prepared
-from controller.learning.learn import learn, recordings_in
+from controller.learning.learn import learn
 from controller.learning.recipe import LibraryRecipe, MotionRecipe, read_recipe, recipe_text, typeable
 from controller.learning.trainers.echo_state import EchoStateRecipe
 from controller.learning.trainers.phase_conceptor import PhaseRecipe
 from controller.learning.training_set import prepare
 from controller.library.motion_library import KIND, load_library, save_library
 from controller.motion.clip import ReadingOptions
-from controller.motion.formats.reading import FittedClip
+from controller.motion.formats.reading import FittedClip, recordings_in
 from controller.motion.formats.writing import bvh_text
 from controller.motion.rotations import multiply
 from motiondeck_base.arrays_file import write_arrays
@@ -73,7 +73,7 @@ def test_the_recipe_trains_the_same_library_again(folder, tmp_path):
 
 
 def test_files_and_folders_are_searched_once_each(folder):
-    files = recordings_in([folder, folder / "swing.bvh"])
+    files = recordings_in([folder, folder / "swing.bvh"], convertible=True)
     assert [file.name for file in files] == [
         "blink.bvh", "broken.bvh", "my bow (1).bvh", "stone.bvh", "swing.bvh", "closed.FBX",
     ]  # fmt: skip

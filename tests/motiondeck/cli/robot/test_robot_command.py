@@ -228,7 +228,7 @@ def test_help_says_what_it_means():
 
 
 def test_what_is_not_there_is_said(files, tmp_path):
-    with pytest.raises(MotiondeckError, match="no recordings"):
+    with pytest.raises(MotiondeckError, match="no recording found"):
         run("check", "servo20", tmp_path)
     with pytest.raises(MotiondeckError, match="no such model file"):
         run("calibrate", tmp_path / "nobody.xml")
