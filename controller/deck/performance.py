@@ -279,7 +279,7 @@ class Performance:
 
 def at_origin(posture: Posture) -> Pose:
     """A posture that stands at the origin and faces along x."""
-    return Pose(np.array([0.0, 0.0, float(posture.height)]), np.array(0.0), posture.rotation)
+    return posture.at(np.array([0.0, 0.0, float(posture.height)]))
 
 
 def advance(pose: Pose, posture: Posture, dt: float) -> Pose:
@@ -289,5 +289,7 @@ def advance(pose: Pose, posture: Posture, dt: float) -> Pose:
     forward, left = (posture.velocity * dt).tolist()
     x, y, _ = pose.root_position.tolist()
     position = np.array([x + cosine * forward - sine * left, y + sine * forward + cosine * left, float(posture.height)])
-    rotation = posture.rotation if heading == 0.0 else turned_about_vertical(posture.rotation, heading)
+    if heading == 0.0:
+        return posture.at(position, pose.offsets)
+    rotation = turned_about_vertical(posture.rotation, heading)
     return Pose(position, np.array(heading), rotation, offsets=pose.offsets)

@@ -132,7 +132,7 @@ class Correction:
         """The safe targets (J,), rad, of a tick in which the joints follow targets (J,), corrected."""
         if not self._followed:
             self._plain.restart(np.full(len(targets), True), envelope.position - self._added)
-            self._plain.count_in(envelope.changed)  # so that targets which limits change are counted
+            self._plain.changed = envelope.changed  # so that targets which limits change are counted
             self._off = np.zeros(len(targets)), np.zeros(len(targets))
         self._follows, self._gain = True, min(self._gain + self.dt / FADES, 1.0)
         wanted, shown = _smooth(self._gain) * self._wanted, self._plain(targets)

@@ -164,6 +164,10 @@ class Posture:
         """A slice of the postures along the first axis, time."""
         return Posture(self.height[times], self.velocity[times], self.turn_rate[times], self.rotation[times])
 
+    def at(self, root_position: Array, offsets: Array | None = None) -> Pose:
+        """The pose (3,) there, m, that faces along x, of a body with these offsets."""
+        return Pose(root_position, np.array(0.0), self.rotation, offsets=offsets)
+
 
 @dataclass(slots=True)
 class Pose:

@@ -194,8 +194,8 @@ class Track:
 
     def _decode(self, channels: Array, tempo: float) -> Posture:
         posture = self._encoding.decode(channels)
-        posture.height = posture.height.copy()  # the channels are overwritten by the next step
-        posture.velocity, posture.turn_rate = posture.velocity * tempo, posture.turn_rate * tempo
+        if tempo != 1.0:
+            posture.velocity, posture.turn_rate = posture.velocity * tempo, posture.turn_rate * tempo
         return posture
 
     def finish_round(self) -> None:

@@ -6,7 +6,6 @@ bit. In any doubt it is not: the twin does the same, and takes some tens of micr
 
 import ctypes
 import zlib
-from array import array
 from functools import cache, partial
 from pathlib import Path
 
@@ -28,30 +27,24 @@ def safety_envelope(limits: JointLimits, dt: float) -> SafetyEnvelope:
 
 
 class CompiledEnvelope(SafetyEnvelope):
-    """A `SafetyEnvelope` whose ticks are computed by a library."""
+    """A `SafetyEnvelope` whose ticks a library computes."""
 
     def __init__(self, library: ctypes.CDLL, limits: JointLimits, dt: float) -> None:
         super().__init__(limits, dt)
-        self._states = self._rows = np.array(self._states)
-        self._limits, self._targets = np.array(self._bounds), np.empty(len(self._bounds))
-        self._library = library
-        self.count_in(self.changed)
-
-    def count_in(self, changed: "array[int]") -> None:
-        """Counts changed targets there from now on."""
-        super().count_in(changed)
-        fixed = len(changed), _pointer(self._limits), _pointer(self._rows)
-        safe = _pointer(self._safe)
-        counts = ctypes.c_void_p(changed.buffer_info()[0])
-        self._tick = partial(self._library.envelope_tick, *fixed, _pointer(self._targets), safe, counts)
-        self._brake = partial(self._library.envelope_brake, *fixed, safe)
+        self._states = states = np.array(self._states)
+        self._limits, self._targets = np.array(self._bounds), np.empty(len(states))
+        *fixed, targets = (
+            ctypes.c_void_p(one.ctypes.data) for one in (self._limits, states, self._safe, self._targets)
+        )
+        self._brake = partial(library.envelope_brake, len(states), *fixed)
+        self._tick = partial(library.envelope_tick, len(states), *fixed, targets)
 
     def __call__(self, targets: Array, near: bool = False) -> Array:
         """As of the twin."""
         if targets.shape != self._targets.shape:
             raise ValueError(f"targets of shape {targets.shape} instead of {self._targets.shape}")
         self._targets[:] = targets
-        self._tick(near)
+        self._tick(ctypes.c_void_p(self.changed.buffer_info()[0]), near)
         return self._shown
 
     def brake(self) -> Array:
@@ -64,30 +57,25 @@ class CompiledEnvelope(SafetyEnvelope):
 def load_compiled(path: Path) -> ctypes.CDLL | None:
     """The compiled part; None if there is none, it was made from another source, or does not do as its twin."""
     try:
-        # It keeps Python's lock: a call takes microseconds, and to have the lock back may take milliseconds.
-        library = ctypes.PyDLL(str(path))
+        library = ctypes.PyDLL(str(path))  # it keeps Python's lock, which may take milliseconds to come back
         made_from = ctypes.c_uint32.in_dll(library, "envelope_source").value
-        same = made_from == zlib.crc32(SOURCE.read_bytes()) and _does_as_its_twin(library)
+        return library if made_from == zlib.crc32(SOURCE.read_bytes()) and _does_as_its_twin(library) else None
     except (OSError, AttributeError, ValueError):
         return None
-    return library if same else None
 
 
 def _does_as_its_twin(library: ctypes.CDLL) -> bool:
     """A trial of 6 joints, slow to fast, whose targets wave, jump and are no numbers, and of braking."""
     lower, pace = np.linspace(-2.0, -0.5, 6), np.geomspace(0.05, 5.0, 6)
     limits = JointLimits(lower, lower + 1.5 * pace, 6.0 * pace, 60.0 * pace**2, 2000.0 * pace**3)
-    twin, compiled = SafetyEnvelope(limits, 0.005), CompiledEnvelope(library, limits, 0.005)
+    twins = SafetyEnvelope(limits, 0.005), CompiledEnvelope(library, limits, 0.005)
     time = np.arange(_TRIAL)[:, None]
     targets = np.where(time % 40 < 20, np.sin(0.1 * pace * time), np.sin(1e4 * pace * time))
-    targets[time[:, 0] % 30 == 29] = np.nan, np.inf, -np.inf, 1e300, -1e300, 0.0
+    targets[29::30] = np.nan, np.inf, -np.inf, 1e300, -1e300, 0.0
     for tick, target in enumerate(targets):
-        for one in (twin, compiled):
+        for one in twins:
             one.brake() if tick % 25 > 20 else one(target, tick > _TRIAL // 2)
-        if np.array(twin._states).tobytes() != np.array(compiled._states).tobytes():
+        ours, theirs = (one._shown.tobytes() + np.array(one._states).tobytes() for one in twins)
+        if ours != theirs:
             return False
-    return twin.changed == compiled.changed and compiled.position.tobytes() == compiled._shown.tobytes()
-
-
-def _pointer(values: Array) -> ctypes.c_void_p:
-    return ctypes.c_void_p(values.ctypes.data)
+    return twins[0].changed == twins[1].changed

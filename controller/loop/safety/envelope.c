@@ -168,7 +168,7 @@ static REAL joint_tick(const EnvelopeLimits *l, EnvelopeJoint *s, REAL target, i
 }
 
 /* One tick of all joints: safe targets, rad, for any targets; counts those that were changed. */
-void envelope_tick(int joints, const EnvelopeLimits *limits, EnvelopeJoint *states, const REAL *targets, REAL *safe,
+void envelope_tick(int joints, const EnvelopeLimits *limits, EnvelopeJoint *states, REAL *safe, const REAL *targets,
                    long long *changed, int near) {
   for (int k = 0; k < joints; k++) {
     safe[k] = joint_tick(limits + k, states + k, targets[k], near);

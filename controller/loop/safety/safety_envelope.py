@@ -86,10 +86,6 @@ class SafetyEnvelope:
         for joint in np.flatnonzero(joints).tolist():
             self._states[joint][:] = float(position[joint]), 0.0, 0.0, float(position[joint]), 0.0, True
 
-    def count_in(self, changed: "array[int]") -> None:
-        """Counts changed targets there from now on, length J."""
-        self.changed = changed
-
     @property
     def position(self) -> Array:
         """The targets emitted last, or the start, shape (J,), rad."""

@@ -125,11 +125,11 @@ class BoneDirections:
         return out
 
     def decode(self, channels: Array) -> Posture:
-        """The postures of channels (..., C); directions are normalised."""
+        """The postures of channels (..., C), of which they keep nothing; directions are normalised."""
         return Posture(
-            height=self.height(channels),
-            velocity=channels[..., FORWARD : LEFT + 1],
-            turn_rate=channels[..., TURN_RATE],
+            height=self.height(channels).copy(),
+            velocity=channels[..., FORWARD : LEFT + 1].copy(),
+            turn_rate=channels[..., TURN_RATE].copy(),
             rotation=self.rotations(channels),
         )
 

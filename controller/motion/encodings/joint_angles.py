@@ -41,6 +41,42 @@ class JointBody(Skeleton):
         return 1.0
 
 
+class _Jointed:
+    """Rotations from angles of joints, or angles from rotations, once somebody asks: most ticks need only angles."""
+
+    __slots__ = ()
+    angles: Array  # of the joints, shape (J,), rad
+    rotation: Array
+
+    def __getattr__(self, name: str) -> Array:
+        if name == "rotation":
+            self.rotation = _turned(self.angles)
+        elif name == "angles":
+            self.angles = angles_of(self.rotation[1:])
+        else:
+            raise AttributeError(name)
+        return getattr(self, name)
+
+
+class JointPosture(_Jointed, Posture):
+    """One posture of a joint body."""
+
+    __slots__ = ("angles",)
+
+    def at(self, root_position: Array, offsets: Array | None = None) -> Pose:
+        """As of `Posture`."""
+        pose = JointPose.__new__(JointPose)
+        pose.root_position, pose.heading, pose.angles = root_position, np.array(0.0), self.angles
+        pose.offsets = offsets
+        return pose
+
+
+class JointPose(_Jointed, Pose):
+    """One pose of a joint body."""
+
+    __slots__ = ("angles",)
+
+
 @dataclass(frozen=True)
 class JointAngles:
     """Clips of a joint body to channels and back; the same interface as `bone_directions.BoneDirections`."""
@@ -69,6 +105,11 @@ class JointAngles:
         """Of each channel, half of what its bone turns for 1 rad, shape (J,)."""
         return np.full(self.channels, 0.5 * SHARE)
 
+    @cached_property
+    def _scale(self) -> Array:
+        """The joint angle, rad, for a unit of each channel, shape (J,)."""
+        return self.half_turns / (0.5 * SHARE)
+
     @property
     def velocities(self) -> slice:
         """The channels that are velocities: none."""
@@ -85,12 +126,14 @@ class JointAngles:
 
     def decode(self, channels: Array) -> Posture:
         """The postures of angles (..., J): 1 m high, at rest."""
-        still = self._still if channels.ndim == 1 else self._standing(channels.shape[:-1])
-        rotation = still.rotation.copy()
-        half = self.half_turns * channels  # as of `rotations.yaw`, in fewer calls
-        np.cos(half, out=rotation[..., 1:, 0])
-        np.sin(half, out=rotation[..., 1:, 3])
-        return Posture(still.height, still.velocity, still.turn_rate, rotation)
+        angles = self._scale * channels
+        if channels.ndim == 1:
+            still, posture = self._still, JointPosture.__new__(JointPosture)
+            posture.height, posture.velocity, posture.turn_rate = still.height, still.velocity, still.turn_rate
+            posture.angles = angles
+            return posture
+        still = self._standing(channels.shape[:-1])
+        return Posture(still.height, still.velocity, still.turn_rate, _turned(angles))
 
     def _standing(self, shape: tuple[int, ...]) -> Posture:
         """Postures (...) at angles of 0."""
@@ -128,15 +171,30 @@ class JointRetargeter:
             if name not in joints:
                 raise UnknownNameError.among("joint of this robot", name, joints)
         self._order = np.array([joints.index(name) for name in carried])
-        self._end = 1 + len(carried)
+        self._count = len(carried)
         self._targets = rest.copy()
 
     def __call__(self, pose: Pose) -> Array:
         """Joint targets, shape (J,), rad; the next call overwrites the array."""
-        self._targets[self._order] = angles_of(pose.rotation[1 : self._end])
+        self._targets[self._order] = angles_in(pose)[: self._count]
         return self._targets
+
+
+def angles_in(pose: Pose) -> Array:
+    """The joint angles (J,), rad, of a pose of a joint body."""
+    return pose.angles if isinstance(pose, JointPose) else angles_of(pose.rotation[1:])
 
 
 def angles_of(rotation: Array) -> Array:
     """The joint angles (..., J), rad, of rotations (..., J, 4) of a joint body whose root is not rotated."""
     return 2.0 * _LEVER * np.arctan(rotation[..., 3] / rotation[..., 0])
+
+
+def _turned(angles: Array) -> Array:
+    """The rotations (..., 1 + J, 4) of a joint body at angles (..., J), rad."""
+    rotation = np.zeros((*angles.shape[:-1], 1 + angles.shape[-1], 4))
+    rotation[..., 0, 0] = 1.0
+    half = 0.5 * SHARE * angles  # as of `rotations.yaw`, in fewer calls
+    np.cos(half, out=rotation[..., 1:, 0])
+    np.sin(half, out=rotation[..., 1:, 3])
+    return rotation

@@ -19,7 +19,7 @@ from typing import ClassVar, Self
 
 import numpy as np
 
-from controller.motion.encodings.joint_angles import SHARE, JointAngles, JointBody, angles_of
+from controller.motion.encodings.joint_angles import SHARE, JointAngles, JointBody, angles_in
 from controller.motion.rotations import Array, conjugate, multiply, rotate, yaw
 from controller.motion.skeleton import Pose, Posture, SkeletonInfo
 from motiondeck_base.errors import FileFormatError
@@ -107,7 +107,7 @@ class RootPath:
 
     def __call__(self, pose: Pose) -> list[float]:
         """The root's position, m, and quaternion with the next pose of a `RobotBody`, 7 numbers."""
-        turn, forward, left, height, *axes = angles_of(pose.rotation[-len(ROOT) :]).tolist()
+        turn, forward, left, height, *axes = angles_in(pose)[-len(ROOT) :].tolist()
         clock = float(pose.root_position[0])
         passed = (clock - self._clock) / (CLOCK * LIGHT * LIGHTER) if self._clock is not None else 0.0
         self._clock = clock

@@ -27,12 +27,10 @@ def test_the_maximum_is_exact():
 def test_what_is_negative_counts_as_zero_and_what_is_endless_as_the_longest():
     histogram = counted([-5, 2**60])
     assert histogram.percentile(0.5) == 0.0
-    assert histogram.count == 2
-    assert histogram.longest == 2**60
+    assert histogram.percentiles().max == 2**60 / 1000.0
 
 
 def test_nothing_counted_says_zero():
     histogram = DurationHistogram()
     assert histogram.percentiles() == Percentiles(0.0, 0.0, 0.0, 0.0)
     assert histogram.percentile(0.99) == 0.0
-    assert histogram.count == 0

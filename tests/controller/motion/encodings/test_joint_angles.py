@@ -1,5 +1,7 @@
 """A rig's joints as a body: angles out and back, the clip file, and what a damaged one says."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -9,7 +11,7 @@ from hypothesis.extra import numpy as hnp
 from controller.deck.joins.transition import Fade, difference, displaced
 from controller.motion.canonical.canonical_body import carried
 from controller.motion.encodings.encoding import encoding_of
-from controller.motion.encodings.joint_angles import JointAngles, JointBody, JointRetargeter, angles_of
+from controller.motion.encodings.joint_angles import JointAngles, JointBody, JointRetargeter, angles_in, angles_of
 from controller.motion.encodings.motion_matching import joint_features
 from controller.motion.formats.reading import read_clip
 from controller.motion.formats.taught_clip import read_taught_clip, save_taught_clip, taught_clip
@@ -92,3 +94,20 @@ def test_a_damaged_file_is_refused_by_its_name(tmp_path):
 def test_a_robot_without_the_joint_is_refused():
     with pytest.raises(UnknownNameError, match="'grip'"):
         JointRetargeter(JointBody.of(JOINTS), ("pan", "tilt"), np.zeros(2))
+
+
+def test_a_posture_tells_angles_as_they_were_and_rotations_that_fit_them():
+    rng = np.random.default_rng(3)
+    body = JointBody.of(["pan", "tilt", "jaw"])
+    for angles in rng.uniform(-2.0 * np.pi, 2.0 * np.pi, (20, 3)):
+        posture = JointAngles(body).decode(angles)
+        pose = posture.at(np.array([0.1, 0.2, 1.0]))
+        assert angles_in(pose).tolist() == angles.tolist()
+        several = JointAngles(body).decode(np.array([angles]))
+        assert np.array_equal(pose.rotation, several.rotation[0])
+        assert np.array_equal(posture.rotation, pose.rotation)
+        assert np.allclose(angles_of(pose.rotation[1:]), angles, atol=1e-12)
+        other = replace(posture, rotation=JointAngles(body).decode(-angles).rotation)
+        assert np.allclose(angles_in(other.at(pose.root_position)), -angles, atol=1e-12)
+        with pytest.raises(AttributeError):
+            _ = pose.nothing
