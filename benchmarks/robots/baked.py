@@ -51,7 +51,7 @@ from motiondeck.run.baked_libraries import kept_at
 from motiondeck_base.shipped import find_library
 from sim.models.robot_file import RobotFile
 from sim.robots.catalogue import find_robot
-from sim.robots.fidelity import SIDES, floor_measures, lines_for
+from sim.robots.fidelity import floor_measures, lines_for
 from sim.robots.limb_directions import LimbDirections
 from sim.robots.robot import Robot, RobotLoader
 
@@ -117,8 +117,7 @@ def judge(clip: Clip, robot: Robot, file: RobotFile, qpos: Array) -> dict[str, f
     """Limbs and feet of a robot that plays a clip."""
     directions = LimbDirections(robot.model, file.parts, np.array(file.root_rotation))
     limbs = [mean for mean, _ in directions.errors(qpos, lines_for(robot, clip)).values()]
-    feet = {s: robot.model.body(file.parts[f"{s}_foot"]).id for s, _ in SIDES if f"{s}_foot" in file.parts}
-    floor = floor_measures(clip, robot, qpos, feet)
+    floor = floor_measures(clip, robot, qpos, file.parts)
     return {
         "limbs_deg": float(np.mean(limbs)),
         "worst_limb_deg": max(limbs),

@@ -92,10 +92,9 @@ def measured(path: Path, clips: list[Clip], solver) -> dict[str, object]:
         errors.append(directions.errors(carried.qpos, carried.limbs))
         counts = joint_measures(clip, robot, carried)
         zeros += [counts["beyond"], counts["too_fast"], counts["jumps"]]
-        feet = {side: robot.model.body(file.parts[f"{side}_foot"]).id for side in SIDES}
-        slides.append(floor_measures(clip, robot, carried.qpos, feet)["slide"])
+        slides.append(floor_measures(clip, robot, carried.qpos, file.parts)["slide"])
         plain = scaled_path(clip, robot, carried.qpos)
-        paths.append(floor_measures(clip, robot, plain, feet)["slide"])
+        paths.append(floor_measures(clip, robot, plain, file.parts)["slide"])
         times += rounds(robot.retarget, clip)
     return {
         "robot": file.name,

@@ -116,7 +116,7 @@ def measured(name: str, file: Path, clips: list[Clip], each: bool) -> Iterator[d
         parts, turned = load.file.parts, np.array(load.file.root_rotation)
         directions = directions or LimbDirections(robot.model, parts, turned)
         limbs = RobotLimbs(file, robot.model, parts, turned, robot.joints)
-        view, feet = LimbView(clip.skeleton), {s: robot.model.body(parts[f"{s}_foot"]).id for s in SIDES}
+        view = LimbView(clip.skeleton)
         poses = [Pose(place, np.zeros(()), turn) for place, turn in zip(clip.root_position, clip.rotation, strict=True)]
         human = np.array([view(pose) for pose in poses])
         assert robot.footing is not None
@@ -133,7 +133,7 @@ def measured(name: str, file: Path, clips: list[Clip], each: bool) -> Iterator[d
             if method != "ours":
                 qpos[:, 2] -= np.median(_lows(robot.model, qpos))
             errors = directions.errors(qpos, human)
-            floor = floor_measures(clip, robot, qpos, feet)
+            floor = floor_measures(clip, robot, qpos, parts)
             joints = qpos[:, robot.layout.hinge_qpos]
             row = {
                 "robot": name,

@@ -1,5 +1,6 @@
 """Fidelity of a retargeted clip, measured from joint positions and the robot's kinematics, without the retargeter."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import mujoco
@@ -137,14 +138,15 @@ def shortfall(robot: Robot) -> dict[str, float]:
     }
 
 
-def floor_measures(clip: Clip, robot: Robot, qpos: Array, feet: dict[str, int]) -> dict[str, float]:
-    """Contact of a robot's soles with the floor, for qpos (T, nq) and the bodies of its feet, "r" and "l".
+def floor_measures(clip: Clip, robot: Robot, qpos: Array, parts: Mapping[str, str]) -> dict[str, float]:
+    """Contact of a robot's soles with the floor, for qpos (T, nq); its feet are among the parts of its robot file.
 
     `slide`: mean speed of a sole's lowest point while the human's foot stands, m/s; `sunk`: largest depth of a point in
     the floor, m; `floating`: share of frames without contact.
     """
     model = robot.model
     data, surface, lowest_point = mujoco.MjData(model), Surface.touching(model), LowestPoint(model)
+    feet = {side: model.body(parts[f"{side}_foot"]).id for side, _ in SIDES if f"{side}_foot" in parts}
     soles = {side: np.flatnonzero(np.isin(surface.body, below(model, foot))) for side, foot in feet.items()}
     stands = standing_feet(clip)
     near = STANDS * robot.path_scale * clip.skeleton.leg_length

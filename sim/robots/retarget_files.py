@@ -23,7 +23,6 @@ from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.files import write_file
 from motiondeck_base.jobs import EVERY_CORE, Jobs, spread
 from sim.models.robot_file import Solver
-from sim.retargeting.limb_finder import SIDES
 from sim.robots.carried_findings import carried_findings, joint_findings
 from sim.robots.fidelity import floor_measures, followed, joint_measures
 from sim.robots.joint_motion import JointMotion, retargeted
@@ -219,8 +218,7 @@ def _carried_at(
         directions = LimbDirections(robot.model, file.parts, np.array(file.root_rotation))
         limbs = directions.errors(carried.qpos, carried.limbs)
         found += carried_findings(robot, directions, carried, clip.rate)
-        feet = {s: robot.model.body(file.parts[f"{s}_foot"]).id for s in SIDES if f"{s}_foot" in file.parts}
-        floor = floor_measures(clip, robot, carried.qpos, feet)
+        floor = floor_measures(clip, robot, carried.qpos, file.parts)
         found.append(limited("into the ground", 1e3 * floor["sunk"], 1e3 * SUNK_LIMIT, "mm"))
     measures = {
         "limbs_deg": limbs,

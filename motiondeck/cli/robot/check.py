@@ -12,10 +12,10 @@ from controller.motion.canonical.clip_edits import without_reference_pose
 from controller.motion.clip import Clip
 from controller.motion.formats.reading import read_clip
 from motiondeck.cli.common.tables import show_table
+from motiondeck.cli.robot.retarget import SEGMENTS, worse_side
 from motiondeck_base.counted import counted
 from motiondeck_base.errors import MotiondeckError
 from sim.models.robot_file import Solver
-from sim.retargeting.limb_finder import SIDES
 from sim.robots.carried_findings import SegmentAngle, findings_of, joint_findings, segment_angles
 from sim.robots.fidelity import Carried, carry, floor_measures, joint_measures, shortfall
 from sim.robots.limb_directions import LimbDirections, beyond_limits
@@ -91,18 +91,19 @@ def remarks(rows: Sequence[dict[str, Any]]) -> list[str]:
 
 def print_rows(rows: list[dict[str, Any]]) -> None:
     """Prints the table, its sums, and a remark for each problem."""
-    counts, segments = ("bad", "beyond", "too_fast", "jumps"), ("thigh", "shank", "upper_arm", "forearm")
+    counts = ("bad", "beyond", "too_fast", "jumps")
     reach = {"past_range": "past"} if any("past_range" in row for row in rows) else {}
     if any("short_worst" in row for row in rows):
         reach = {"short_rms": "short", "short_worst": "worst"}
-    degrees = [f"{name.replace('_', ' ')} deg" for name in (*segments, "trunk")]
+    degrees = [f"{name.replace('_', ' ')} deg" for name in (*SEGMENTS, "trunk")]
     headings = ("recording", "frames", "bad", "beyond", "fast", "jumps", "changed", *reach.values(), *degrees)
     lines = []
     for row in rows:
         if "altered" in row:
             cells = [str(row["frames"]), *(f"{row[name]:.0f}" for name in counts), f"{100.0 * row['altered']:.1f} %"]
             cells += [f"{row[name]:.0f}" if name == "past_range" else f"{1000.0 * row[name]:.1f}" for name in reach]
-            cells += [_degrees(row.get("limbs_deg", {}), name) for name in segments]
+            limbs = {name: (off["mean"], off["worst"]) for name, off in row.get("limbs_deg", {}).items()}
+            cells += [worse_side(limbs, name) for name in SEGMENTS]
             cells += [f"{row['trunk_deg']['mean']:.0f}/{row['trunk_deg']['worst']:.0f}" if "trunk_deg" in row else ""]
             cells += [f"{1000.0 * row[name]:.1f}" if name in row else "" for name in ("slide", "sunk")]
             lines.append((Path(row["clip"]).name, *cells))
@@ -115,12 +116,6 @@ def print_rows(rows: list[dict[str, Any]]) -> None:
     print(f"{counted(len(carried), 'recording')}, {frames} frames: {sums}")
     for line in remarks(rows):
         print(line)
-
-
-def _degrees(limbs: dict[str, dict[str, float]], segment: str) -> str:
-    """Mean and worst angle of a segment, of the side where it is worse: "4/12"."""
-    both = [limbs[name] for name in (f"r_{segment}", f"l_{segment}") if name in limbs]
-    return f"{max(one['mean'] for one in both):.0f}/{max(one['worst'] for one in both):.0f}" if both else ""
 
 
 def _measured(load: RobotLoader, clip: Clip, left_out: int, solver: Solver | None) -> dict[str, Any]:
@@ -138,10 +133,7 @@ def _measured(load: RobotLoader, clip: Clip, left_out: int, solver: Solver | Non
         if loaded.has_legs:
             trunk = _directions(load, loaded).trunk_errors(carried.qpos, carried.limbs)
             measures["trunk_deg"] = {"mean": float(trunk.mean()), "worst": float(trunk.max())}
-        feet = {
-            side: loaded.model.body(file.parts[f"{side}_foot"]).id for side in SIDES if f"{side}_foot" in file.parts
-        }
-        measures |= floor_measures(clip, loaded, carried.qpos, feet)
+        measures |= floor_measures(clip, loaded, carried.qpos, file.parts)
 
     def slower(tempo: float) -> list[Finding]:
         return _carried(load, replace(clip, rate=tempo * clip.rate), solver)[-1]

@@ -105,7 +105,7 @@ def print_rows(rows: list[RetargetedFile], out: Path) -> None:
     headings = ("recording", "frames", "fps", *segments, "fast", "sunk", "slide", "verdict")
     lines, written = [], [row for row in rows if row.error is None]
     for row in written:
-        cells = [str(row.frames), f"{row.fps:g}", *(_worse(row.limbs_deg, name) for name in SEGMENTS)]
+        cells = [str(row.frames), f"{row.fps:g}", *(worse_side(row.limbs_deg, name) for name in SEGMENTS)]
         cells += [str(row.too_fast), f"{1000.0 * row.sunk_m:.1f}", f"{1000.0 * row.slide_m_s:.0f}"]
         lines.append((Path(row.recording).name, *cells, row.verdict.answer if row.verdict else ""))
     show_table(headings, lines)
@@ -124,7 +124,8 @@ def print_rows(rows: list[RetargetedFile], out: Path) -> None:
     print(f"{counted(len(written), 'motion')}, {seconds:.0f} s, in {out}: {verdicts or 'none'}; {failed} failed")
 
 
-def _worse(limbs: dict[str, tuple[float, float]], segment: str) -> str:
+def worse_side(limbs: dict[str, tuple[float, float]], segment: str) -> str:
+    """Mean and worst angle of a segment, of the side where it is worse: "4/12"."""
     both = [limbs[name] for name in (f"r_{segment}", f"l_{segment}") if name in limbs]
     return f"{max(mean for mean, _ in both):.0f}/{max(worst for _, worst in both):.0f}" if both else ""
 
