@@ -14,7 +14,8 @@ nothing is chosen and nothing is tried again. Per source and network:
   motions (runs of one motion are not independent of each other);
 - training s, file MB beside the float32 channels, and the median step, us.
 
-With --ablation, what each input of a phase-driven network brings.
+With --ablation, what each input of a phase-driven network brings. With --tolerances, what `learn --tolerance` picks at
+each of some errors, mm: a row for each kind that was tried and for the clip, with their bytes and largest errors.
 """
 
 from __future__ import annotations
@@ -41,12 +42,13 @@ from controller.learning.measures.disturbance import disturbed
 from controller.learning.measures.self_test import Judge, after_disturbance, self_test
 from controller.learning.recipe import MotionRecipe, NetworkRecipe, read_recipe
 from controller.learning.reservoirs.conceptor_training import ConceptorRecipe
+from controller.learning.smallest import smallest_network
 from controller.learning.trainers.clip import ClipRecipe
 from controller.learning.trainers.echo_state import EchoStateRecipe
 from controller.learning.trainers.phase_conceptor import PhaseRecipe
 from controller.learning.trainers.phase_echo_state import PhaseEchoStateRecipe
 from controller.learning.trainers.shared_conceptor import SharedConceptorRecipe
-from controller.learning.trainers.trainer import trainer_of
+from controller.learning.trainers.trainer import kind_of, trainer_of
 from controller.learning.training_set import TrainingSet, prepare, to_learn
 from controller.motion.encodings.encoding import encoding_of
 from controller.motion.formats.reading import read_clip
@@ -116,8 +118,8 @@ def recordings(data: Path, source: str) -> list[Path]:
 
 def training_set(data: Path, source: str) -> TrainingSet:
     """What the networks learn of a source; recordings that cannot be used are named."""
-    if source == "thesis15":
-        return prepare(read_recipe(shipped_configs() / "libraries" / "thesis15.toml"), data)
+    if source in ("thesis15", "cmu86"):
+        return prepare(read_recipe(shipped_configs() / "libraries" / f"{source}.toml"), data)
     if source == "long":
         clip = read_clip(data / "cmu" / "86" / "86_01.amc")
         encoding = encoding_of(clip.skeleton)
@@ -239,6 +241,19 @@ def rows(data: Path, sources: list[str], seeds: list[int], networks: dict[str, N
             yield clip_row(source, known, every)
 
 
+def within(data: Path, sources: list[str], tolerances: list[float], seed: int) -> Iterator[str]:
+    """The table of what is picked within some errors, line by line; times are of the clip's bytes."""
+    yield "| source | tolerance, mm | network | kB | error, mm | times the clip | |\n|---|---|---|---|---|---|---|"
+    for source in sources:
+        known = training_set(data, source)
+        for tolerance in tolerances:
+            found = smallest_network(tolerance, known, seed)
+            for one in found:
+                times = one.stored_bytes / found[-1].stored_bytes
+                figures = f"{one.stored_bytes / 1e3:.1f} | {one.error_mm:.2f} | {times:.3f}"
+                yield f"| {source} | {tolerance:g} | {kind_of(one.recipe)} | {figures} | {one.note or 'picked'} |"
+
+
 HEAD = (
     "| source | motions | network | passed | error, mm: median / largest | lost (95 %) | training, s "
     "| file, MB (channels) | tick, us |\n|---|---|---|---|---|---|---|---|---|"
@@ -266,11 +281,16 @@ def main() -> int:
     parser.add_argument("--seeds", nargs="+", type=int, default=[21, 22, 23])
     parser.add_argument("--ablation", action="store_true", help="what each input of a phase-driven network brings")
     parser.add_argument("--only", nargs="+", help="networks by the beginning of their name")
+    parser.add_argument("--tolerances", nargs="+", type=float, help="what `learn --tolerance` picks at these, mm")
     parser.add_argument("--json", action="store_true", help="one JSON object a row")
     options = parser.parse_args()
     networks = ABLATION if options.ablation else NETWORKS
     if options.only:
         networks = {name: recipe for name, recipe in networks.items() if name.startswith(tuple(options.only))}
+    if options.tolerances:
+        for text in within(options.data, options.sources, options.tolerances, options.seeds[0]):
+            print(text, flush=True)
+        return 0
     if not options.json:
         print(HEAD)
     with threadpool_limits(1):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import partial
 
 import numpy as np
@@ -41,20 +40,22 @@ def error_mm(judge: Judge, motion: str, frames: Array) -> float:
     return float(distances(joint_features(judge.encoding, frames), judge.features(motion)).mean())
 
 
-def smallest_keys(
-    frames: Array, tolerance: float, error_of: Callable[[Keys], float], *, loop: bool, pieces: int = 1
-) -> Keys:
-    """The keys of frames (T, C) with the fewest bytes within a tolerance; the closest and finest if none keep to it."""
+def keys_within(tolerance_mm: float, frames: Array, judge: Judge, motion: str, *, loop: bool, pieces: int = 1) -> Keys:
+    """The keys of a motion's frames (T, C) with the fewest bytes within a mean error; the finest if none keep to it."""
     found: Keys | None = None
     held = held_frames(frames, loop=loop)
+
+    def keeps_to_it(keys: Keys) -> bool:
+        return error_mm(judge, motion, keys.drawn(len(frames), loop=loop)) <= tolerance_mm
+
     for every in KEYS_EVERY:
         rounded = partial(Keys.of, fitted_keys(frames, every, loop=loop), held, pieces=pieces)
         best, low, high = rounded(FINEST), COARSEST, FINEST
-        if found is not None and error_of(best) > tolerance:
+        if found is not None and not keeps_to_it(best):
             break
         while high - low > 1:
             middle = (low + high) // 2
-            if error_of(keys := rounded(middle)) <= tolerance:
+            if keeps_to_it(keys := rounded(middle)):
                 best, high = keys, middle
             else:
                 low = middle

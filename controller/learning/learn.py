@@ -19,6 +19,7 @@ from controller.learning.preparation.kind import LOOP_KEEPS
 from controller.learning.preparation.takes import by_motion
 from controller.learning.recipe import LibraryRecipe, NetworkRecipe, check_recipe, typeable
 from controller.learning.recording_analysis import AnalysedRecording, analyse_recording, numbered
+from controller.learning.smallest import Candidate, smallest_network
 from controller.learning.trainers.phase_conceptor import PhaseRecipe
 from controller.learning.training_set import COMMON_RATE, LearnedPart, Progress, TrainingSet, prepare
 from controller.library.motion_library import MotionInfo, MotionLibrary
@@ -67,6 +68,7 @@ class LearnedLibrary:
     recipe: LibraryRecipe
     motions: list[LearnedMotion]
     actors: list[SharedBody] = field(default_factory=list[SharedBody])  # of bodies; that of the library first
+    candidates: list[Candidate] = field(default_factory=list[Candidate])  # for a tolerance, the chosen one first
 
     @property
     def failed(self) -> list[LearnedMotion]:
@@ -87,6 +89,7 @@ def learn(
     accept: Collection[str] | None = None,
     plays: Plays | None = None,
     whole: bool = False,
+    tolerance_mm: float | None = None,
 ) -> LearnedLibrary:
     """Learns every recording of some files and folders as one library; unusable ones are listed with the reason.
 
@@ -102,6 +105,7 @@ def learn(
             "upper-body" recordings without legs get some that rest.
         plays: how all of them play; None decides for each.
         whole: each recording is one motion.
+        tolerance_mm: takes the smallest network of which no motion's mean error is larger, in place of `network`.
         jobs: where recordings are read; the network is trained here.
 
     Raises:
@@ -146,9 +150,13 @@ def learn(
     )
     clips = {one.motion.name: one.clip for one in examined}
     training_set = prepare(recipe, Path(), progress, lambda motion: clips[motion.name])
+    candidates: list[Candidate] = []
+    if tolerance_mm is not None:
+        candidates = smallest_network(tolerance_mm, training_set, recipe.seeds[0], progress)
+        recipe = msgspec.structs.replace(recipe, network=candidates[0].recipe)
     library = fit_prepared(recipe, training_set, progress)
     rows = [_row(one, training_set, library) for one in examined]
-    return LearnedLibrary(library, recipe, [*rows, *left_out], _shared_body(training_set, clips))
+    return LearnedLibrary(library, recipe, [*rows, *left_out], _shared_body(training_set, clips), candidates)
 
 
 def _shared_body(training_set: TrainingSet, clips: dict[str, Clip]) -> list[SharedBody]:

@@ -75,6 +75,10 @@ class LearnOptions:
         Option("--as", help="How recordings play; default: each as its motion suggests."),
     ] = None
     whole: Annotated[bool, Option("--whole", help="Learn each recording as one motion, however long.")] = False
+    tolerance: Annotated[
+        float | None,
+        Option(metavar="MM", min=0.01, help="Take the smallest network whose mean error is at most this, per motion."),
+    ] = None
 
 
 @grouped
@@ -96,6 +100,9 @@ def learn(options: LearnOptions, reading: Reading, as_json: JsonOption = False) 
     Clips of `motiondeck rig teach` and keyframes (.toml) become loops or one-shots as they were taught or written;
     NAME.clip, NAME.2.clip ... are takes of one motion and are averaged. The part of a loop that returns best to its
     start is learned.
+
+    With --tolerance the smallest kind of network is taken, also in place of a recipe's, of which no motion is farther
+    off than so many mm; what else was tried is printed, and the bytes and the error of a clip of splines.
 
     A recipe (.toml) is learned as it says. Its library is written if every motion passes: each runs free for three
     times its length, and is compared with all that was trained (the self-test) and with its recording as it was read.
@@ -129,6 +136,8 @@ def learn(options: LearnOptions, reading: Reading, as_json: JsonOption = False) 
         raise MotiondeckError("--whole is for recordings; a recipe says by frames what it takes of one")
     if options.physical and (options.robot is None or kinds != {"recording"}):
         raise MotiondeckError("--physical is for recordings on the feet of a --robot")
+    if options.tolerance is not None and kinds == {"gesture"}:
+        raise MotiondeckError("--tolerance is in mm, for bodies; clips and keyframes are of joints")
     if "recipe" not in kinds and options.data is not None:
         raise MotiondeckError(f"--data {options.data} is the folder of a recipe's recordings; no recipe is given")
     if "recipe" in kinds:
@@ -215,6 +224,7 @@ def _learn_recordings(options: LearnOptions, out: Path, reading: ReadingOptions,
             accept=options.accept or [],
             plays=options.plays,
             whole=options.whole,
+            tolerance_mm=options.tolerance,
         )
     save_library(learned.library, out)
     recipe = _recipe_beside(out)
@@ -228,8 +238,11 @@ def _learn_recipe(
     recipe: LibraryRecipe, folder: Path, file: Path, out: Path, options: LearnOptions, as_json: bool, *, taught: bool
 ) -> str:
     """Trains a recipe, writes the library (and the recipe of taught clips), and reports; returns the first motion."""
+    import msgspec
+
     from controller.learning import fit as training
     from controller.learning.recipe import recipe_text, warnings
+    from controller.learning.smallest import Candidate, smallest_network
     from controller.learning.training_set import prepare
     from controller.library.motion_library import save_library
     from motiondeck.cli.common.verdict_report import verdicts_on
@@ -239,6 +252,12 @@ def _learn_recipe(
         print(f"motiondeck: warning: {file}: {warning}", file=sys.stderr)
     with progress("", training.steps(recipe)) as tick:
         training_set = prepare(recipe, folder, tick)
+        candidates: list[Candidate] = []
+        if options.tolerance is not None:
+            if recipe.as_recorded:
+                raise MotiondeckError(f"{file}: --tolerance needs closed loops, and the recipe has as_recorded")
+            candidates = smallest_network(options.tolerance, training_set, recipe.seeds[0], tick)
+            recipe = msgspec.structs.replace(recipe, network=candidates[0].recipe)
         library = training.fit_prepared(recipe, training_set, tick)
     failing = [motion.name for motion in library.info.motions if not motion.passed]
     written = not failing or options.allow_failing
@@ -247,7 +266,9 @@ def _learn_recipe(
     if taught:
         write_file(file, recipe_text(recipe, file.parent).encode())
     judge = partial(verdicts_on, options.robot if written else None, out, list(library.network.motions))
-    report_recipe(library, recipe, training_set, out if written else None, file if taught else None, judge, as_json)
+    report_recipe(
+        library, recipe, training_set, out if written else None, file if taught else None, judge, candidates, as_json
+    )
     if not written:
         raise MotiondeckError(
             f"{', '.join(failing)} failed the self-test, so {out} was not written. "

@@ -14,6 +14,8 @@ from controller.deck.worst_join import worst_join
 from controller.learning.centralized.model_choice import mean_absolute, mean_distance, relative_accuracy
 from controller.learning.learn import LearnedLibrary
 from controller.learning.recipe import LibraryRecipe, warnings
+from controller.learning.smallest import Candidate
+from controller.learning.trainers.trainer import kind_of
 from controller.learning.training_set import LearnedPart, TrainingSet
 from controller.library.motion_library import MotionLibrary
 from controller.motion.encodings.motion_matching import joint_features
@@ -48,6 +50,7 @@ def report_recipe(
     written: Path | None,
     taught: Path | None,
     judge: Judge,
+    candidates: Sequence[Candidate],
     as_json: bool,
 ) -> None:
     """Reports a trained recipe; `taught` is the recipe that was written for clips taught by hand."""
@@ -56,12 +59,13 @@ def report_recipe(
     if as_json:
         fields = report(library) | {"beside_the_recording": closeness, "written": str(written) if written else None}
         fields |= {"learned_from": {name: part_fields(part) for name, part in training_set.parts.items()}}
-        print(json.dumps(fields | {"worst_join": join_fields(worst)} | _judged(judge)))
+        print(json.dumps(fields | {"worst_join": join_fields(worst)} | _compared(candidates) | _judged(judge)))
         return
     print_table(library)
     _print_closeness(library, training_set.parts, closeness)
     if worst is not None:
         print(join_line(worst))
+    print(*map(str, candidates), sep="\n", end="\n" if candidates else "")
     if written:
         recipe_too = f" and its recipe {taught}" if taught else ""
         print(f"wrote {written} ({written.stat().st_size / 1e6:.1f} MB, seed {library.info.seed}){recipe_too}")
@@ -78,7 +82,7 @@ def report_recordings(
         fields["actors"] = [asdict(actor) for actor in learned.actors]
         fields |= {"warnings": warnings(learned.recipe), "worst_join": join_fields(worst)}
         fields |= {"on_its_feet": msgspec.to_builtins(stood)} if stood else {}
-        print(json.dumps(fields | _judged(judge)))
+        print(json.dumps(fields | _compared(learned.candidates) | _judged(judge)))
         return
     if stood:
         from motiondeck.cli.robot.retarget import print_stood
@@ -96,8 +100,14 @@ def report_recordings(
         print(join_line(worst))
     for warning in warnings(learned.recipe):
         print(f"warning: {warning} {recipe}")
+    print(*map(str, learned.candidates), sep="\n", end="\n" if learned.candidates else "")
     print(f"wrote {out} ({out.stat().st_size / 1e6:.1f} MB) and its recipe {recipe}")
     _print_judged(judge)
+
+
+def _compared(candidates: Sequence[Candidate]) -> dict[str, Any]:
+    rows = [{"network": kind_of(one.recipe)} | asdict(one) for one in candidates]
+    return {"candidates": [row | {"recipe": msgspec.to_builtins(row["recipe"])} for row in rows]} if rows else {}
 
 
 def _judged(judge: Judge) -> dict[str, Any]:

@@ -5,7 +5,7 @@ from typing import Any
 
 import msgspec
 
-from controller.learning.key_fitting import KEYS_EVERY, error_mm, fitted_keys, held_frames, smallest_keys
+from controller.learning.key_fitting import KEYS_EVERY, fitted_keys, held_frames, keys_within
 from controller.learning.measures.self_test import Judge
 from controller.learning.preparation.training_motion import Lessons
 from controller.learning.trainers.trainer import NewMotion, SettledNetwork, Trainer
@@ -61,13 +61,7 @@ class ClipTrainer(Trainer[ClipRecipe]):
 def clip_within(tolerance_mm: float, lessons: Lessons, judge: Judge) -> ClipPlayer:
     """The smallest clip of keys of which no motion has a larger mean error."""
 
-    def keys_of(name: str, frames: Array, loop: bool) -> Keys:
-        def error_of(keys: Keys) -> float:
-            return error_mm(judge, name, keys.drawn(len(frames), loop=loop))
-
-        return smallest_keys(frames, tolerance_mm, error_of, loop=loop)
-
-    return _clip(lessons, keys_of)
+    return _clip(lessons, lambda name, frames, loop: keys_within(tolerance_mm, frames, judge, name, loop=loop))
 
 
 def _plain(recipe: ClipRecipe, frames: Array, *, loop: bool) -> Keys:

@@ -9,13 +9,12 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from controller.learning.key_fitting import error_mm, smallest_keys
+from controller.learning.key_fitting import error_mm, keys_within
 from controller.learning.measures.self_test import Judge
 from controller.learning.preparation.training_motion import Lessons, TrainingMotion
 from controller.learning.trainers.phase_driven import MotionByMotionTrainer, PhaseDrivenRecipe, course_of
 from controller.learning.trainers.trainer import NewMotion, SettledNetwork
 from controller.motion.rotations import Array
-from controller.networks.keys import Keys
 from controller.networks.phase_echo_state.network import (
     KEYED_RIDGE,
     PhaseEchoStateMotion,
@@ -26,6 +25,7 @@ from controller.networks.reservoirs.phase_driven import PhaseDrivenNetwork
 from controller.networks.reservoirs.phase_reservoir import PhaseReservoir
 
 NEURONS_SHARE = 0.12  # of a tolerance, by which N is chosen: errors of N and of keys add up as squares
+KEYED_TRIES, CLOSER = 10, 0.999  # tries to find keys, and how much nearer each is than would just do
 
 
 class PhaseEchoStateRecipe(PhaseDrivenRecipe, frozen=True, kw_only=True, tag="phase-echo-state"):
@@ -93,13 +93,15 @@ def _keyed(
     motion: PhaseEchoStateMotion, name: str, judge: Judge, frames: Array, tolerance_mm: float
 ) -> PhaseEchoStateMotion:
     """The motion that has learned frames (T, C), stored by the keys with the fewest bytes within a tolerance."""
-
-    def error_of(keys: Keys) -> float:
-        return error_mm(judge, name, motion.reading(keys).read())
-
-    course = motion.course
+    course, within = motion.course, tolerance_mm
     pieces = int(course.piece[-1]) + 1
-    return motion.reading(smallest_keys(frames, tolerance_mm, error_of, loop=course.loop, pieces=pieces))
+    found = motion
+    for _ in range(KEYED_TRIES):
+        found = motion.reading(keys_within(within, frames, judge, name, loop=course.loop, pieces=pieces))
+        if (error := error_mm(judge, name, found.read())) <= tolerance_mm:
+            break
+        within *= CLOSER * tolerance_mm / error  # what the network plays is a little farther off than what keys draw
+    return found
 
 
 TRAINER = PhaseEchoStateTrainer()

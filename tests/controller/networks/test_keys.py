@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy.interpolate import BSpline
 
 import synthetic
-from controller.learning.key_fitting import fitted_keys, held_frames, smallest_keys
+from controller.learning.key_fitting import fitted_keys, held_frames, keys_within
 from controller.learning.measures.self_test import self_test
 from controller.learning.trainers.clip import ClipRecipe, clip_within
 from controller.library.motion_library import MotionLibrary, load_library, save_library
@@ -78,10 +78,9 @@ def test_a_smaller_error_takes_more_bytes_and_is_kept():
     assert sizes[0] > 1.2 * sizes[1]
 
 
-def test_where_no_keys_are_near_enough_the_finest_are_taken():
-    frames = np.random.default_rng(1).normal(size=(60, 3))
-    keys = smallest_keys(frames, 0.0, lambda keys: 1.0, loop=True)
-    assert keys.course[0] == 30
+def test_where_no_keys_are_near_enough_the_most_are_taken():
+    keys = keys_within(0.0, synthetic.march(), synthetic.judge(), "march", loop=True)
+    assert keys.course[0] == 48
 
 
 def test_a_clip_is_stored_and_plays_bit_by_bit_the_same(tmp_path):
