@@ -14,8 +14,8 @@ nothing is chosen and nothing is tried again. Per source and network:
   motions (runs of one motion are not independent of each other);
 - training s, file MB beside the float32 channels, and the median step, us.
 
-With --ablation, what each input of a phase-driven network brings. With --tolerances, what `learn --tolerance` picks at
-each of some errors, mm: a row for each kind that was tried and for the clip, with their bytes and largest errors.
+With --ablation, what each input of a phase-driven network brings. With --tolerances, the
+phase-driven echo-state network that keeps to each of some errors, mm, beside the clip that does.
 """
 
 from __future__ import annotations
@@ -42,13 +42,12 @@ from controller.learning.measures.disturbance import disturbed
 from controller.learning.measures.self_test import Judge, after_disturbance, self_test
 from controller.learning.recipe import MotionRecipe, NetworkRecipe, read_recipe
 from controller.learning.reservoirs.conceptor_training import ConceptorRecipe
-from controller.learning.smallest import smallest_network
 from controller.learning.trainers.clip import ClipRecipe
 from controller.learning.trainers.echo_state import EchoStateRecipe
 from controller.learning.trainers.phase_conceptor import PhaseRecipe
 from controller.learning.trainers.phase_echo_state import PhaseEchoStateRecipe
 from controller.learning.trainers.shared_conceptor import SharedConceptorRecipe
-from controller.learning.trainers.trainer import kind_of, trainer_of
+from controller.learning.trainers.trainer import trainer_of
 from controller.learning.training_set import TrainingSet, prepare, to_learn
 from controller.motion.encodings.encoding import encoding_of
 from controller.motion.formats.reading import read_clip
@@ -190,7 +189,7 @@ def measured(source: str, name: str, recipe: NetworkRecipe, known: TrainingSet, 
         errors += [verdict.error_mm for verdict in verdicts.values()]
         failing += [f"{motion} ({verdict.reason})" for motion, verdict in verdicts.items() if not verdict.passed]
         lost |= {f"{seed} {motion}": count for motion, count in lost_runs(network, judge, seed).items()}
-        megabytes = 1e-6 * sum(array.nbytes for array in network.arrays().values())
+        megabytes = 1e-6 * network.stored_bytes
         tick = step_us(network, network.motions[0], known.rate)
     bad = sum(count > 0 for count in lost.values())
     return Row(
@@ -218,7 +217,7 @@ def clip_row(source: str, known: TrainingSet, every: int = 0) -> Row:
     errors = [verdict.error_mm for verdict in verdicts.values()]
     passed = sum(verdict.passed for verdict in verdicts.values()) / len(verdicts)
     whole, tick = channels_mb(known), step_us(player, player.motions[0], known.rate)
-    size = 1e-6 * sum(array.nbytes for array in player.arrays().values()) if every else whole
+    size = 1e-6 * player.stored_bytes if every else whole
     name = f"clip, a key every {every} frames" if every else "clip player"
     return Row(
         source, name, len(errors), passed, float(np.median(errors)), max(errors), 0.0, None, 0.0, size, whole, tick, (),
@@ -241,17 +240,35 @@ def rows(data: Path, sources: list[str], seeds: list[int], networks: dict[str, N
             yield clip_row(source, known, every)
 
 
-def within(data: Path, sources: list[str], tolerances: list[float], seed: int) -> Iterator[str]:
-    """The table of what is picked within some errors, line by line; times are of the clip's bytes."""
-    yield "| source | tolerance, mm | network | kB | error, mm | times the clip | |\n|---|---|---|---|---|---|---|"
+def within(data: Path, sources: list[str], tolerances: list[float], seeds: list[int]) -> Iterator[str]:
+    """A table, line by line: the phase-driven echo-state network within some errors beside the clip within them."""
+    yield "| source | tolerance, mm | N | error, mm: median / largest | kB | clip: error, mm | kB | network / clip |"
+    yield "|---|---|---|---|---|---|---|---|"
     for source in sources:
         known = training_set(data, source)
         for tolerance in tolerances:
-            found = smallest_network(tolerance, known, seed)
-            for one in found:
-                times = one.stored_bytes / found[-1].stored_bytes
-                figures = f"{one.stored_bytes / 1e3:.1f} | {one.error_mm:.2f} | {times:.3f}"
-                yield f"| {source} | {tolerance:g} | {kind_of(one.recipe)} | {figures} | {one.note or 'picked'} |"
+            (clip,) = fitted(ClipRecipe(tolerance_mm=tolerance), known, [0])
+            found = fitted(PhaseEchoStateRecipe(tolerance_mm=tolerance), known, seeds)
+            neurons = ", ".join(str(size) for size in sorted({one.neurons for one, _ in found}))
+            errors = [error for _, own in found for error in own]
+            sizes = [one.stored_bytes for one, _ in found]
+            times = " to ".join(f"{size / clip[0].stored_bytes:.3f}" for size in sorted({min(sizes), max(sizes)}))
+            yield (
+                f"| {source} | {tolerance:g} | {neurons} | {np.median(errors):.2f} / {max(errors):.2f} "
+                f"| {1e-3 * np.median(sizes):.1f} | {np.median(clip[1]):.2f} / {max(clip[1]):.2f} "
+                f"| {1e-3 * clip[0].stored_bytes:.1f} | {times} |"
+            )
+
+
+def fitted(recipe: NetworkRecipe, known: TrainingSet, seeds: list[int]) -> list[tuple[AnyNetwork, list[float]]]:
+    """The network of a recipe with a tolerance for each seed, with the errors of its motions in the self-test, mm."""
+    lessons, judge = known.lessons(), known.judge(holds=True)
+    found: list[tuple[AnyNetwork, list[float]]] = []
+    for seed in seeds:
+        sized = trainer_of(recipe).sized(recipe, lessons, seed, judge, lambda _: None)
+        network = trainer_of(recipe).settle(sized, lessons, seed, judge).network
+        found.append((network, [verdict.error_mm for verdict in self_test(network, judge).values()]))
+    return found
 
 
 HEAD = (
@@ -281,15 +298,16 @@ def main() -> int:
     parser.add_argument("--seeds", nargs="+", type=int, default=[21, 22, 23])
     parser.add_argument("--ablation", action="store_true", help="what each input of a phase-driven network brings")
     parser.add_argument("--only", nargs="+", help="networks by the beginning of their name")
-    parser.add_argument("--tolerances", nargs="+", type=float, help="what `learn --tolerance` picks at these, mm")
+    parser.add_argument("--tolerances", nargs="+", type=float, help="networks and clips within these, mm")
     parser.add_argument("--json", action="store_true", help="one JSON object a row")
     options = parser.parse_args()
     networks = ABLATION if options.ablation else NETWORKS
     if options.only:
         networks = {name: recipe for name, recipe in networks.items() if name.startswith(tuple(options.only))}
     if options.tolerances:
-        for text in within(options.data, options.sources, options.tolerances, options.seeds[0]):
-            print(text, flush=True)
+        with threadpool_limits(1):
+            for text in within(options.data, options.sources, options.tolerances, options.seeds):
+                print(text, flush=True)
         return 0
     if not options.json:
         print(HEAD)

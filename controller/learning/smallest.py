@@ -83,9 +83,8 @@ def _first_within(
 
 def _tried(recipe: NetworkRecipe, lessons: Lessons, seed: int, judge: Judge) -> Candidate:
     network = trainer_of(recipe).settle(recipe, lessons, seed, judge).network
-    stored = sum(array.nbytes for array in network.arrays().values())
     errors = []
     for motion in network.motions:
         frames = len(judge.features(motion))
         errors.append(judge.at_the_same_phase(motion, run_free(network, motion, frames), frames).error_mm)
-    return Candidate(recipe, stored, max(errors))
+    return Candidate(recipe, network.stored_bytes, max(errors))

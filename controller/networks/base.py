@@ -182,6 +182,11 @@ class Network(NamedMotions[Motion], ABC):
             found |= arrays_of(self[name], f"motion/{name}/")
         return found
 
+    @property
+    def stored_bytes(self) -> int:
+        """The bytes of its arrays in a file."""
+        return sum(array.nbytes for array in self.arrays().values())
+
     def header_fields(self) -> dict[str, Any]:
         """Fields of the library's header that belong to this kind."""
         return {}

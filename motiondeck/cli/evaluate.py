@@ -82,14 +82,23 @@ def _seeds(text: str) -> range:
 
 def accuracy(evaluation: Evaluation, seeds: range) -> Table:
     """Training errors and self-tests of a recipe's networks."""
-    from controller.learning.evaluation.tables import training_table, with_clip_verdicts
+    import numpy as np
+
+    from controller.learning.evaluation.tables import training_table, with_clips
     from controller.learning.measures.self_test import self_test
+    from controller.learning.trainers.clip import clip_within
 
     with progress("training and testing", len(seeds)) as tick:
         errors, verdicts = evaluation.training_errors(seeds, tick)
     notes = ["NRMSE as Jaeger's nrmse.m computes it, not eq. 3.3 as printed (docs/evaluation.md)"]
     table = training_table(f"{evaluation.name}: training", errors, verdicts, notes)
-    return with_clip_verdicts(table, self_test(evaluation.clips, evaluation.judge))
+    player, judge, clips = evaluation.clips, evaluation.judge, []
+    clips.append(("clip player", sum(1e-3 * player[name].nbytes for name in player.motions), self_test(player, judge)))
+    near = float(np.median([verdict.error_mm for tested in verdicts for verdict in tested.values()]))
+    if np.isfinite(near):
+        keyed = clip_within(near, evaluation.syllabus.lessons(), judge)
+        clips.append(("clip of keys", 1e-3 * keyed.stored_bytes, self_test(keyed, judge)))
+    return with_clips(table, [1e-3 * error.network.stored_bytes for error in errors], clips)
 
 
 def failures(evaluation: Evaluation, kind: Kind, seeds: range, runs: int, jobs: Jobs) -> Table:

@@ -5,8 +5,10 @@ import pytest
 
 import synthetic
 from benchmarks.reservoirs.phase_morphs import mixtures
-from benchmarks.reservoirs.phase_networks import ABLATION, channels_mb, clip_row, line, measured
+from benchmarks.reservoirs.phase_networks import ABLATION, channels_mb, clip_row, fitted, line, measured
+from controller.learning.trainers.clip import ClipRecipe
 from controller.learning.trainers.phase_conceptor import PhaseRecipe
+from controller.learning.trainers.phase_echo_state import PhaseEchoStateRecipe
 
 KNOWN = synthetic.training_set()
 
@@ -37,6 +39,13 @@ def test_fewer_keys_are_smaller_and_less_exact():
     errors = [row.error_mm for row in rows]
     assert 0.0 < errors[0] < errors[2] < 20.0
     assert all(row.passed == 1.0 for row in rows)
+
+
+def test_a_network_and_a_clip_within_an_error_are_measured():
+    (clip,) = fitted(ClipRecipe(tolerance_mm=2.0), KNOWN, [0])
+    networks = fitted(PhaseEchoStateRecipe(tolerance_mm=2.0), KNOWN, [1, 2])
+    assert all(max(errors) <= 2.0 for _, errors in (clip, *networks))
+    assert max(network.stored_bytes for network, _ in networks) <= 1.1 * clip[0].stored_bytes
 
 
 def test_a_mixture_is_measured_at_each_mu():

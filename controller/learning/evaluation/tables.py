@@ -102,10 +102,15 @@ def training_table(
     return Table(title, rows, tuple(shown), notes)
 
 
-def with_clip_verdicts(table: Table, verdicts: dict[str, MotionVerdict]) -> Table:
-    """A training table with a row for the clip player, which has no weights."""
-    row: dict[str, Value] = dict.fromkeys(table.rows[0], None)
-    return replace(table, rows=[*table.rows, row | {"network": "clip player", **_tested(verdicts)}])
+def with_clips(
+    table: Table, stored_kb: Sequence[float], clips: Sequence[tuple[str, float, dict[str, MotionVerdict]]]
+) -> Table:
+    """A training table with the size of each network, kB, and a row for each clip: name, kB and self-test."""
+    sizes = [*stored_kb, *[None] * len(table.rows)]
+    rows = [row | {"kB": size} for row, size in zip(table.rows, sizes, strict=False)]
+    blank: dict[str, Value] = dict.fromkeys(rows[0], None)
+    more = [blank | {"network": name, "kB": size, **_tested(verdicts)} for name, size, verdicts in clips]
+    return replace(table, rows=rows + more)
 
 
 def _tested(verdicts: dict[str, MotionVerdict]) -> dict[str, Value]:

@@ -48,7 +48,7 @@ def test_learn_prints_what_it_compared_and_writes_the_smallest(quick, tmp_path, 
     library = load_library(tmp_path / "mine.safetensors")
     assert library.info.network == "phase-echo-state"
     assert max(motion.error_mm for motion in library.info.motions) <= 2.0
-    assert chosen["stored_bytes"] == sum(array.nbytes for array in library.network.arrays().values())
+    assert chosen["stored_bytes"] == library.network.stored_bytes
     again = invoked("learn", "mine.toml", "--data", ".", "--tolerance", "2", "--force").stdout
     assert f"phase-echo-state: {chosen['stored_bytes'] / 1e3:.1f} kB" in again
     assert "clip: " in again

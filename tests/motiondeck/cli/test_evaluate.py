@@ -9,10 +9,14 @@ import pytest
 
 import synthetic
 from command_line import invoked
+from controller.learning.evaluation.evaluation import Evaluation
 from controller.learning.evaluation.failure_rates import Count
 from controller.learning.evaluation.tables import Table, failure_table
+from controller.learning.recipe import LibraryRecipe, MotionRecipe
+from controller.learning.trainers.phase_echo_state import PhaseEchoStateRecipe
 from controller.library.motion_library import save_library
 from motiondeck.cli.common.tables import print_measurements, write_csv
+from motiondeck.cli.evaluate import accuracy
 from motiondeck.pictures.figures import check_picture
 from motiondeck_base.errors import FileFormatError, MotiondeckError
 from motiondeck_base.files import check_folder
@@ -104,6 +108,16 @@ def test_accuracy_is_a_matter_of_training(tmp_path, mocap_data):
     result = invoke("thesis15", "accuracy", "--data", mocap_data)
     assert isinstance(result.exception, MotiondeckError)
     assert "give the recipe" in str(result.exception)
+
+
+def test_accuracy_ends_with_a_clip_that_is_as_near_in_fewer_bytes():
+    motions = [MotionRecipe(name=name, file=name) for name in synthetic.LOOPS]
+    recipe = LibraryRecipe(name="small", motions=motions, network=PhaseEchoStateRecipe())
+    *networks, player, keyed = accuracy(Evaluation("small", recipe, None, synthetic.training_set()), range(1)).rows
+    assert (networks[0]["network"], player["network"], keyed["network"]) == ("seed 0", "clip player", "clip of keys")
+    assert player["free run mm"] == pytest.approx(0.0, abs=1e-3)
+    assert keyed["free run mm"] <= networks[0]["free run mm"]
+    assert keyed["kB"] < min(player["kB"], networks[0]["kB"])
 
 
 def test_what_is_unknown_is_refused(tmp_path):

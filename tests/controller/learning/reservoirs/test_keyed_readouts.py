@@ -36,19 +36,15 @@ def library():
     return learned()
 
 
-def size(network):
-    return sum(array.nbytes for array in network.arrays().values())
-
-
 def test_it_keeps_to_its_tolerance_and_passes_disturbed(library):
     assert all(motion.passed and motion.error_mm <= 1.0 for motion in library.info.motions)
 
 
 def test_it_is_about_as_small_as_the_clip_and_far_smaller_than_its_readouts(library):
     clip = clip_within(1.0, known().lessons(), known().judge(holds=True))
-    assert size(library.network) <= 1.1 * size(clip)
+    assert library.network.stored_bytes <= 1.1 * clip.stored_bytes
     plain = synthetic.trained(msgspec.structs.replace(RECIPE, neurons=library.info.scales.neurons))
-    assert size(library.network) < 0.05 * size(plain)
+    assert library.network.stored_bytes < 0.05 * plain.stored_bytes
 
 
 def test_a_loaded_one_plays_bit_by_bit_the_same(library, tmp_path):
