@@ -1,7 +1,5 @@
 """Arrays by name in a temporary file that has no name, so that memory holds those in use only."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterator, MutableMapping
 from tempfile import TemporaryFile

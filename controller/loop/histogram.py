@@ -4,8 +4,6 @@ As in an HDR histogram, every octave of nanoseconds is cut into 32 equal buckets
 value wide and is reported by its middle, so that the error of a percentile is at most 1/64. Up to 64 ns it is exact.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import msgspec

@@ -1,7 +1,5 @@
 """Bakes a library for a robot: carries its motions to the robot's joints beforehand, and learns them there."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
