@@ -1,17 +1,20 @@
 """Falls of robots that walk while a layer moves their arms, or does not.
 
-Each seed begins the walk at another phase, with its own noise of the sensors and pushes from its own sides every 5 s,
-and commands `layer GROUP MOTION` at its own time within 2 to 6 s. Both walks of a seed have all of that in common but
-the layer. A robot without a table [walk] is tried first, as `play --walk` does it. Printed are falls, and how far the
-robot goes of what the motion asks for (mean of the seeds that stand).
+Each seed begins the walk at another phase, with pushes from its own sides every 5 s, and commands `layer GROUP MOTION`
+at its own time within 2 to 6 s. With the motion `live` the group follows 50 live values a second from then on, to and
+fro by 0.4 every 2 s. All walks of a seed have all of that in common but the layer. The state is exact, as in `play
+--walk`; with --sensors it is estimated with the seed's own noise. A robot without a table [walk] is tried first, as
+`play --walk` does it. Printed are falls, and how far the robot goes of what the motion asks for (mean of the seeds that
+stand).
 
-python -m benchmarks layered_walk servo20 mannequin g1.toml --layer arms:waltz --layer arms:box2
+python -m benchmarks layered_walk servo20 mannequin g1.toml --layer arms:waltz --layer head:live
 """
 
 from __future__ import annotations
 
 import json
 import os
+from functools import cache
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -33,29 +36,39 @@ from sim.models.robot_file import read_robot_file
 from sim.physics.pushes import usual_push
 from sim.physics.walk_trial import play_course, pushes, walk_trial
 from sim.physics.walking.state_estimate import Sensors
-from sim.robots.joint_groups import joint_groups
-from sim.robots.robot import DT, load_robot
+from sim.robots.joint_groups import Groups, joint_groups
+from sim.robots.robot import DT, Robot, load_robot
+
+
+@cache
+def opened(file: Path) -> tuple[Robot, Groups]:
+    """The robot of a file, as it walks, and the groups of its joints."""
+    skeleton = load_library(find_library("thesis15")).skeleton
+    robot = able_to_walk(load_robot(file, skeleton), file)
+    return robot, joint_groups(robot, read_robot_file(file), skeleton)
 
 
 def walk(
-    library: MotionLibrary, file: Path, motion: str, layer: str, seed: int, seconds: float, share: float
+    library: MotionLibrary, file: Path, motion: str, layer: str, seed: int, seconds: float, share: float, *, exact: bool
 ) -> dict[str, Any]:
     """One walk; the layer is GROUP:MOTION, or "" for none."""
     rng = np.random.default_rng(seed)
     phase, begins = float(rng.uniform()), float(rng.uniform(2.0, 6.0))
-    robot = able_to_walk(load_robot(file, library.skeleton), file)
-    deck = Deck(library, robot.retarget, motion, phase=phase)
-    groups = joint_groups(robot, read_robot_file(file), library.skeleton)
+    robot, groups = opened(file)
+    deck = Deck(library, robot.twin(), motion, phase=phase)
     deck.layers = Layers(library, robot.joints, robot.limits, groups, robot.twin)
 
     def play(dt: float) -> tuple[Array, Pose]:
-        if layer and deck.time <= begins < deck.time + dt:
-            deck.layer(*layer.split(":"))
+        if layer.endswith(":live") and deck.time >= begins and deck.time % 0.02 < dt:
+            deck.set_input(layer.split(":")[0], 0.4 * float(np.sin(np.pi * (deck.time - begins))))
+        elif layer and deck.time <= begins < deck.time + dt:
+            group, one = layer.split(":")
+            deck.layer(group, one)
         return deck.update(dt)
 
     course = play_course(robot, play, seconds, SafetyEnvelope)
     force = pushes(share * usual_push(robot.model), seed + 1)
-    trial = walk_trial(robot, course, force, sensors=Sensors(seed=seed))
+    trial = walk_trial(robot, course, force, sensors=None if exact else Sensors(seed=seed))
     return {
         "robot": file.stem, "motion": motion, "layer": layer, "seed": seed, "fell": trial.stood_s < seconds - DT,
         "stood_s": trial.stood_s, "went": trial.walked_m / max(trial.asked_m, 1e-9), "upper_deg": trial.upper_deg,
@@ -70,6 +83,7 @@ def main(
     first: Annotated[int, typer.Option(help="The first seed.")] = 0,
     seconds: Annotated[float, typer.Option(help="Of each walk.")] = 20.0,
     push: Annotated[float, typer.Option(help="Of the usual push.")] = 0.5,
+    sensors: Annotated[bool, typer.Option("--sensors", help="With noisy sensors.")] = False,
     rows: Annotated[Path | None, typer.Option(help="A file of JSON lines; what is there is not done again.")] = None,
 ) -> None:
     library, found = load_library(find_library("thesis15")), list[dict[str, Any]]()
@@ -84,7 +98,7 @@ def main(
             for seed in range(first, first + seeds):
                 row = known.get((file.stem, motion, one, seed))
                 if row is None:
-                    row = walk(library, file, motion, one, seed, seconds, push)
+                    row = walk(library, file, motion, one, seed, seconds, push, exact=not sensors)
                     if rows is not None:
                         with rows.open("a") as kept:
                             kept.write(json.dumps(row) + "\n")

@@ -62,7 +62,7 @@ class Layers:
         limits: of the joints.
         groups: the joints of each group; every joint is a group too.
         twin: makes a copy of the deck's retargeter as it is now.
-        refusal: why the robot can have none, or "".
+        refused: why, of each joint that can have none.
         gaze: the angle of each joint that takes part in a gaze, per angle to the left and up.
     """
 
@@ -73,14 +73,14 @@ class Layers:
         limits: JointLimits,
         groups: Mapping[str, Sequence[str]],
         twin: Callable[[], Retargeter],
-        refusal: str = "",
+        refused: Mapping[str, str] | None = None,
         gaze: Gains | None = None,
     ) -> None:
-        self._library, self._twin, self._refusal = library, twin, refusal
+        self._library, self._twin = library, twin
         self._motions = read_motions(library)
         named = {joint: (joint,) for joint in joints} | dict(groups)
         self.groups = {name: np.array([joints.index(one) for one in group]) for name, group in named.items()}
-        self.live = LiveValues(joints, limits, self.groups, gaze or {}, refusal)
+        self.live = LiveValues(joints, limits, self.groups, gaze or {}, refused or {})
         self._voices: list[Voice] = []  # the lowest first
         self._first = Track(library, self._motions)
         self._idle = [self._first]
@@ -105,8 +105,7 @@ class Layers:
         if OFF in (group, motion):
             self._end(group)
             return
-        if self._refusal:
-            raise MotiondeckError(self._refusal)
+        self.live.check(self.groups[group])
         if motion not in self._motions:
             raise UnknownNameError.among("motion", motion, self._motions)
         mine = [voice for voice in self._voices if voice.group == group and voice.goal]

@@ -9,7 +9,7 @@ some time, the share of x in the joint's target goes to 0 as that of a layer doe
 are. The safety envelope sees the result like all targets.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from math import atan2, exp, hypot
 
 import numpy as np
@@ -77,9 +77,9 @@ class LiveValues:
         limits: JointLimits,
         groups: Mapping[str, NDArray[np.int64]],
         gaze: Gains,
-        refusal: str,
+        refused: Mapping[str, str],
     ) -> None:
-        self._names, self._limits, self._groups, self._refusal = names, limits, groups, refusal
+        self._names, self._limits, self._groups, self._refused = names, limits, groups, refused
         self._gaze = {names.index(joint): gains for joint, gains in gaze.items()}
         self.joints: dict[int, LiveJoint] = {}  # those that follow values or fall back, by their index
 
@@ -108,14 +108,19 @@ class LiveValues:
         pan, tilt = atan2(left, ahead), atan2(up, hypot(left, ahead))
         return self._follow({index: one[0] * pan + one[1] * tilt for index, one in self._gaze.items()}, seconds)
 
+    def check(self, indices: Iterable[int]) -> None:
+        """MotiondeckError if nothing may be played over one of these joints."""
+        for name in (self._names[index] for index in indices):
+            if name in self._refused:
+                raise MotiondeckError(self._refused[name])
+
     def end(self) -> None:
         """Has all joints fall back."""
         for joint in self.joints.values():
             joint.left = 0.0
 
     def _follow(self, values: Mapping[int, float], seconds: float) -> bool:
-        if self._refusal:
-            raise MotiondeckError(self._refusal)
+        self.check(values)
         limits, before = self._limits, len(self.following)
         for index, value in values.items():
             if index not in self.joints:

@@ -159,7 +159,6 @@ def _assemble(opening: ExitStack, stop: StopRequest, spec: RunSpec, played: Play
         if spec.lock_to is not None:
             deck.lock("beat" if spec.lock_to == "beat" else "body" if spec.lock_to == "body" else "deck")
     if isinstance(deck, Deck) and isinstance(played.source, MotionLibrary):
-        refusals = [robot.why_no_layers for robot in robots if robot.why_no_layers]
         groups = {
             robot.prefix + name: [robot.prefix + one for one in group]
             for robot in robots
@@ -171,7 +170,7 @@ def _assemble(opening: ExitStack, stop: StopRequest, spec: RunSpec, played: Play
             all_limits([robot.limits for robot in robots]),
             groups,
             lambda: together([robot.simulation.robot.twin() for robot in robots]),
-            "".join(refusals[:1]),
+            {joint: why for robot in robots for joint, why in robot.without_layers.items()},
             {robot.prefix + joint: gains for robot in robots for joint, gains in robot.gaze.items()},
         )
     correction = _correction(opening, spec, played, robots, deck, lead, clock.period)

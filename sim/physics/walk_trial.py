@@ -98,7 +98,7 @@ def walk_trial(
     """
     body = robot if settings is None else replace(robot, walk=settings)
     stage = PhysicsPlayback(body, DT, "free", walk=True, sensors=sensors, alter=alter)
-    lag, legs = round(AHEAD / DT), _legs(robot)
+    lag, legs = round(AHEAD / DT), leg_joints(robot)
     costs: list[float] = []
     square, strain, strength = np.zeros(len(robot.joints)), np.zeros(len(robot.joints)), robot.strength
     for tick, (targets, root, heading) in enumerate(zip(course.targets, course.roots, course.headings, strict=True)):
@@ -123,7 +123,7 @@ def placed_pose(root: Array, heading: float) -> PlacedPose:
     return PlacedPose(root[:3], np.array(heading), root[None, 3:7], root)
 
 
-def _legs(robot: Robot) -> Flags:
+def leg_joints(robot: Robot) -> Flags:
     """Which joint coordinates belong to legs, shape (J,)."""
     model = robot.model
     bodies = {body for foot in feet_of(robot) for body in path_to(model, int(model.body(foot.body).id))}

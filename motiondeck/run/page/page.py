@@ -91,7 +91,7 @@ class PageContents:
         rest = robot.model.qpos0.copy()
         robot.layout.place(robot.rest, rest)
         library = str(self.library.resolve()) if self.library is not None else None
-        standing = on_floor(self.robots[0]) is not None
+        standing, refused = on_floor(self.robots[0]) is not None, {*self.robots[0].without_layers}
         return PageDescription(
             model_file=str(models[0]),
             follower_file=str(models[1]) if len(models) > 1 else None,
@@ -107,7 +107,7 @@ class PageContents:
             has_network=library is not None and (deck.activation is not None or deck.phase is not None),
             library_file=library,
             learn=[sys.executable, "-P", "-m", "motiondeck.run.page.learning"] if self.learns and library else [],
-            groups=[*self.robots[0].groups] if not self.robots[0].why_no_layers else [],
+            groups=[name for name, group in self.robots[0].groups.items() if refused.isdisjoint(group)],
             human=human,
             walks=self.simulations[0].root != "fixed",
             weight=GRAVITY * float(robot.model.body_mass.sum()) if standing else None,

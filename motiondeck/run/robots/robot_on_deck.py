@@ -59,13 +59,25 @@ class RobotOnDeck:
     gaze: Gains = field(default_factory=dict[str, tuple[float, float]])
 
     @property
-    def why_no_layers(self) -> str:
-        """Why layers are refused, or ""."""
-        if self.simulation.root == "free":
-            return "a layer would move the weight of a robot on its own feet, which nothing plans for: no layers here"
+    def without_layers(self) -> dict[str, str]:
+        """Why, of each joint over which no layer can be played."""
+        refused, why = self.joints, ""
         if self.guard is not None:
-            return "limbs are kept apart in one motion, not in layers over it: leave --check-collisions"
-        return ""
+            why = "limbs are kept apart in one motion, not in layers over it: leave --check-collisions"
+        elif self.simulation.walk:
+            from sim.physics.walk_trial import leg_joints
+
+            robot, trunk = self.simulation.robot, self.groups.get("trunk", ())
+            carry = [leg or one in trunk for leg, one in zip(leg_joints(robot), robot.joints, strict=True)]
+            refused = [joint for joint, carries in zip(refused, carry, strict=True) if carries]
+            why = (
+                "legs and trunk carry a robot that walks on its own feet: layers and live values move its arms and head"
+            )
+        elif self.simulation.root == "free":
+            why = (
+                "a layer would move the weight of a robot on its own feet, which only --walk plans for: no layers here"
+            )
+        return dict.fromkeys(refused, why) if why else {}
 
     @property
     def joints(self) -> list[str]:

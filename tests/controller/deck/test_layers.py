@@ -51,9 +51,9 @@ def taught(tmp_path_factory):
     return fit(gesture_recipe("gestures", [folder / f"{name}.clip" for name in TAUGHT]), folder)
 
 
-def new_deck(library, motion, twin=limb_joints, *, layers=True, refusal=""):
+def new_deck(library, motion, twin=limb_joints, *, layers=True, refused=None):
     deck = Deck(library, twin(), motion)
-    deck.layers = Layers(library, JOINTS, LIMITS, GROUPS, twin, refusal) if layers else None
+    deck.layers = Layers(library, JOINTS, LIMITS, GROUPS, twin, refused) if layers else None
     return deck
 
 
@@ -150,7 +150,7 @@ def test_what_cannot_be_layered_is_refused_by_name(library):
     with pytest.raises(UnknownNameError, match=r"unknown motion 'waev'.*Did you mean wave"):
         deck.layer("arms", "waev")
     with pytest.raises(MotiondeckError, match="it stands on its own feet"):
-        new_deck(library, "march", refusal="it stands on its own feet").layer("arms", "wave")
+        new_deck(library, "march", refused={"left": "it stands on its own feet"}).layer("arms", "wave")
     with pytest.raises(MotiondeckError, match="there are no layers here"):
         new_deck(library, "march", layers=False).layer("arms", "wave")
     for _ in range(MOST_VOICES // 2):

@@ -1,5 +1,7 @@
 """Live values: joints follow them within their limits, and fall back to what the deck plays when they cease."""
 
+from types import MappingProxyType
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -29,8 +31,8 @@ def played(ticks):
     return 0.5 * (UPPER + LOWER) + 0.3 * (UPPER - LOWER) * np.sin([4.0, 9.0, 5.0, 5.0] * t + [0.0, 1.0, 2.0, 3.0])
 
 
-def live_values(refusal=""):
-    return LiveValues(JOINTS, LIMITS, GROUPS, GAZE, refusal)
+def live_values(refused=MappingProxyType({})):
+    return LiveValues(JOINTS, LIMITS, GROUPS, GAZE, refused)
 
 
 def follow(live, beneath, happening, still=()):
@@ -107,7 +109,7 @@ def test_1_is_the_upper_limit_minus_1_the_lower_and_0_the_angle_0():
         live.set("jaw", value, 5.0)
         assert follow(live, played(100), {})[-1, 1] == pytest.approx(angle, abs=1e-6)
     bent = JointLimits(LOWER + 0.3, UPPER, FASTEST, LIMITS.acceleration, LIMITS.jerk)  # 0 is out of the jaw's reach
-    live = LiveValues(JOINTS, bent, GROUPS, {}, "")
+    live = LiveValues(JOINTS, bent, GROUPS, {}, {})
     live.set("jaw", 0.0, 5.0)
     assert follow(live, played(100), {})[-1, 1] == pytest.approx(0.2, abs=1e-6)
 
@@ -144,7 +146,7 @@ def test_a_gaze_turns_each_joint_by_its_part_of_the_angle_and_stays_in_its_range
     live.gaze(0.0, 1.0, 1.0, 5.0)
     assert follow(live, played(100), {})[-1, 0] == pytest.approx(0.1 * np.pi / 4, abs=1e-6)
     narrow = JointLimits(LOWER, np.full(4, 0.05), FASTEST, LIMITS.acceleration, LIMITS.jerk)
-    live = LiveValues(JOINTS, narrow, GROUPS, GAZE, "")
+    live = LiveValues(JOINTS, narrow, GROUPS, GAZE, {})
     live.gaze(5.0, 0.0, 1.0, 5.0)
     assert follow(live, played(100), {})[-1, 0] == pytest.approx(0.05, abs=1e-6)
 
@@ -153,9 +155,10 @@ def test_what_cannot_be_followed_is_refused():
     with pytest.raises(MotiondeckError, match="jaw goes from -1"):
         live_values().set("jaw", 1.5, 0.5)
     with pytest.raises(MotiondeckError, match="on its own feet"):
-        live_values("it stands on its own feet").set("jaw", 0.5, 0.5)
+        live_values({"jaw": "it stands on its own feet"}).set("jaw", 0.5, 0.5)
+    assert live_values({"jaw": "it stands on its own feet"}).set("pan", 0.5, 0.5)
     with pytest.raises(MotiondeckError, match="name them in the rig file"):
-        LiveValues(JOINTS, LIMITS, GROUPS, {}, "").gaze(0.0, 0.0, 1.0, 0.5)
+        LiveValues(JOINTS, LIMITS, GROUPS, {}, {}).gaze(0.0, 0.0, 1.0, 0.5)
 
 
 def test_a_deck_with_a_stream_says_so_once_and_plays_the_rest_bit_for_bit():

@@ -8,7 +8,12 @@ from typing import Any
 import numpy as np
 
 from motiondeck.run.robots import robot_on_deck
+from motiondeck.run.robots.robot_on_deck import RobotOnDeck, Simulation
 from motiondeck.run.spec.run_spec import RunSpec
+from motiondeck_base.shipped import find_robot
+from sim.models.robot_file import read_robot_file
+from sim.robots.joint_groups import joint_groups
+from sim.robots.robot import load_robot
 from simulated_bodies import bent_pose, human
 
 
@@ -29,3 +34,20 @@ def test_limbs_are_kept_apart_within_the_limits_of_the_rig(monkeypatch):
     assert np.ptp(targets, axis=0).max() > 0.02
     assert (np.abs(np.diff(targets, axis=0)) <= 0.5 / rate + 1e-9).all()
     assert (np.abs(targets - opened.rest) <= 0.2 + 1e-9).all()
+
+
+def test_a_robot_that_walks_has_layers_on_arms_and_head_alone_and_one_that_only_stands_has_none():
+    skeleton, file = human(), find_robot("mannequin")
+    stage: Any = SimpleNamespace()
+    robot = load_robot(file, skeleton)
+    groups = joint_groups(robot, read_robot_file(file), skeleton)
+
+    def refused(root, *, walk):
+        simulation = Simulation(robot, stage, root, balance=False, walk=walk)
+        own = robot.joints, robot.limits, None, robot.retarget, None, simulation
+        return {*RobotOnDeck("mannequin", *own, groups=groups).without_layers}
+
+    assert refused("free", walk=True) == {*groups["legs"], *groups["trunk"]}
+    assert {*groups["arms"], *groups["head"]} == {*robot.joints} - refused("free", walk=True)
+    assert refused("free", walk=False) == {*robot.joints}
+    assert not refused("gantry", walk=False)
