@@ -22,13 +22,13 @@ def held_frames(frames: Array, *, loop: bool) -> int:
     return 0 if loop else len(frames) - 2 - int(moving.max(initial=0))
 
 
-def fitted_keys(frames: Array, every: float, *, loop: bool) -> Array:
-    """The keys of least squares of frames (T, C), one in so many frames, shape (K, C)."""
+def fitted_keys(frames: Array, every: int, *, loop: bool) -> Array:
+    """The keys of least squares of frames (T, C), one in so many frames, two at least, shape (K, C)."""
     from scipy.sparse import csr_array  # what plays needs none of it
     from scipy.sparse.linalg import spsolve
 
     moving = frames[: len(frames) - held_frames(frames, loop=loop)]
-    count = max(FEWEST_KEYS, round(len(moving) / every) + (0 if loop else 3))
+    count = max(FEWEST_KEYS, round(len(moving) / max(2, every)) + (0 if loop else 3))
     near, weights = spline(len(moving), count, loop=loop)
     rows = np.repeat(np.arange(len(moving)), 4)
     design = csr_array((weights.ravel(), (rows, near.ravel())), shape=(len(moving), count))

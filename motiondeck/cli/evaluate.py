@@ -86,7 +86,7 @@ def accuracy(evaluation: Evaluation, seeds: range) -> Table:
 
     from controller.learning.evaluation.tables import training_table, with_clips
     from controller.learning.measures.self_test import self_test
-    from controller.learning.trainers.clip import clip_within
+    from controller.learning.trainers.clip import TRAINER, ClipRecipe
 
     with progress("training and testing", len(seeds)) as tick:
         errors, verdicts = evaluation.training_errors(seeds, tick)
@@ -96,7 +96,7 @@ def accuracy(evaluation: Evaluation, seeds: range) -> Table:
     clips.append(("clip player", sum(1e-3 * player[name].nbytes for name in player.motions), self_test(player, judge)))
     near = float(np.median([verdict.error_mm for tested in verdicts for verdict in tested.values()]))
     if np.isfinite(near):
-        keyed = clip_within(near, evaluation.syllabus.lessons(), judge)
+        keyed = TRAINER.settle(ClipRecipe(tolerance_mm=near), evaluation.syllabus.lessons(), 0, judge).network
         clips.append(("clip of keys", 1e-3 * keyed.stored_bytes, self_test(keyed, judge)))
     return with_clips(table, [1e-3 * error.network.stored_bytes for error in errors], clips)
 

@@ -41,6 +41,7 @@ def test_fewer_keys_are_smaller_and_less_exact():
     assert all(row.passed == 1.0 for row in rows)
 
 
+@pytest.mark.thorough
 def test_a_network_and_a_clip_within_an_error_are_measured():
     (clip,) = fitted(ClipRecipe(tolerance_mm=2.0), KNOWN, [0])
     networks = fitted(PhaseEchoStateRecipe(tolerance_mm=2.0), KNOWN, [1, 2])

@@ -4,6 +4,7 @@ The channels are not fed back, so the states in playing are known before trainin
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import msgspec
@@ -12,6 +13,8 @@ import numpy as np
 from controller.learning.key_fitting import error_mm, keys_within
 from controller.learning.measures.self_test import Judge
 from controller.learning.preparation.training_motion import Lessons, TrainingMotion
+from controller.learning.trainers.clip import TRAINER as CLIPS
+from controller.learning.trainers.clip import ClipRecipe
 from controller.learning.trainers.phase_driven import MotionByMotionTrainer, PhaseDrivenRecipe, course_of
 from controller.learning.trainers.trainer import NewMotion, SettledNetwork
 from controller.motion.rotations import Array
@@ -24,7 +27,7 @@ from controller.networks.phase_echo_state.network import (
 from controller.networks.reservoirs.phase_driven import PhaseDrivenNetwork
 from controller.networks.reservoirs.phase_reservoir import PhaseReservoir
 
-NEURONS_SHARE = 0.12  # of a tolerance, by which N is chosen: errors of N and of keys add up as squares
+NEURONS_SHARE = 0.06  # of a tolerance, within which N neurons play what keys draw: the errors add up as squares
 KEYED_TRIES, CLOSER = 10, 0.999  # tries to find keys, and how much nearer each is than would just do
 
 
@@ -60,11 +63,18 @@ class PhaseEchoStateTrainer(MotionByMotionTrainer[PhaseEchoStateRecipe]):
         judge: Judge,
         progress: Callable[[str], None],
     ) -> PhaseEchoStateRecipe:
-        """The recipe with the fewest neurons that leave most of the tolerance to the keys."""
+        """The recipe with the fewest neurons that play what the keys of a clip within the tolerance draw."""
         if (tolerance := recipe.tolerance_mm) is None:
             return recipe
+        clip = CLIPS.settle(ClipRecipe(tolerance_mm=tolerance), lessons, seed, judge).network
+        drawn = [
+            one if one.driving else replace(one, frames=lessons.normalisation.apply(clip.anchors(one.name)))
+            for one in lessons.motions
+        ]
+        frames = {one.name: lessons.normalisation.invert(one.frames) for one in drawn}
+        near = Judge(judge.encoding, frames, judge.loops, judge.rate)
         strict = msgspec.structs.replace(recipe, tolerance_mm=NEURONS_SHARE * tolerance, ridge=KEYED_RIDGE)
-        neurons = super().sized(strict, lessons, seed, judge, progress).neurons
+        neurons = super().sized(strict, replace(lessons, motions=drawn), seed, near, progress).neurons
         return msgspec.structs.replace(recipe, neurons=neurons)
 
     def settle(self, recipe: PhaseEchoStateRecipe, lessons: Lessons, seed: int, judge: Judge) -> SettledNetwork:
@@ -84,9 +94,8 @@ class PhaseEchoStateTrainer(MotionByMotionTrainer[PhaseEchoStateRecipe]):
         added = super().add(recipe, network, motion)
         if recipe.tolerance_mm is None:
             return added
-        name, frames = motion.name, motion.frames
-        judge = Judge(motion.encoding, {name: frames}, {name: motion.loop}, motion.rate)
-        return added.with_motions({name: _keyed(added[name], name, judge, frames, recipe.tolerance_mm)})
+        name = motion.name
+        return added.with_motions({name: _keyed(added[name], name, motion.judge, motion.frames, recipe.tolerance_mm)})
 
 
 def _keyed(

@@ -82,6 +82,11 @@ class NewMotion:
     frames: Array  # in the encoding's units
     loop: bool
 
+    @property
+    def judge(self) -> Judge:
+        """Judges by the motion alone."""
+        return Judge(self.encoding, {self.name: self.frames}, {self.name: self.loop}, self.rate)
+
     def scaled(self, normalisation: Normalisation) -> TrainingMotion:
         """The motion, normalised as the stored ones are; MotiondeckError if it moves what stands still in them all."""
         scaled = normalisation.apply(self.frames)

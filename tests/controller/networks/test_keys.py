@@ -11,9 +11,10 @@ from hypothesis import strategies as st
 from scipy.interpolate import BSpline
 
 import synthetic
-from controller.learning.key_fitting import fitted_keys, held_frames, keys_within
+from controller.learning.key_fitting import error_mm, fitted_keys, held_frames, keys_within
 from controller.learning.measures.self_test import self_test
-from controller.learning.trainers.clip import ClipRecipe, clip_within
+from controller.learning.trainers.clip import TRAINER, ClipRecipe
+from controller.learning.trainers.trainer import NewMotion
 from controller.library.motion_library import MotionLibrary, load_library, save_library
 from controller.networks.keys import STEPS_PER_BIT, Keys
 from motiondeck_base.errors import FileFormatError
@@ -71,7 +72,7 @@ def test_a_smaller_error_takes_more_bytes_and_is_kept():
     known = synthetic.training_set()
     sizes = []
     for tolerance in (0.2, 2.0):
-        player = clip_within(tolerance, known.lessons(), synthetic.judge())
+        player = TRAINER.settle(ClipRecipe(tolerance_mm=tolerance), known.lessons(), 0, synthetic.judge()).network
         verdicts = self_test(player, synthetic.judge())
         assert all(one.passed and one.error_mm <= tolerance for one in verdicts.values())
         sizes.append(player.stored_bytes)
@@ -81,6 +82,16 @@ def test_a_smaller_error_takes_more_bytes_and_is_kept():
 def test_where_no_keys_are_near_enough_the_most_are_taken():
     keys = keys_within(0.0, synthetic.march(), synthetic.judge(), "march", loop=True)
     assert keys.course[0] == 48
+
+
+@pytest.mark.parametrize(("recipe", "most"), [(ClipRecipe(keys_every=8), 1.5), (ClipRecipe(tolerance_mm=0.3), 0.3)])
+def test_a_motion_that_is_added_has_the_keys_of_the_recipe(recipe, most):
+    player, frames = synthetic.trained(recipe), synthetic.wave(90)
+    lengths = {name: len(part) for name, part in synthetic.references().items()}
+    new = NewMotion("small", synthetic.small_encoding(), synthetic.RATE, 1, lengths, "more", frames, loop=True)
+    grown = TRAINER.add(recipe, player, new)
+    assert set(grown.motions) == {*player.motions, "more"}
+    assert 0.0 < error_mm(new.judge, "more", grown.anchors("more")) <= most
 
 
 def test_a_clip_is_stored_and_plays_bit_by_bit_the_same(tmp_path):

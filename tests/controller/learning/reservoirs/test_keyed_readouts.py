@@ -8,7 +8,7 @@ import synthetic
 from controller.learning.fit import fit_prepared
 from controller.learning.measures.self_test import Judge, run_free, self_test
 from controller.learning.recipe import LibraryRecipe, MotionRecipe
-from controller.learning.trainers.clip import clip_within
+from controller.learning.trainers import clip
 from controller.learning.trainers.phase_echo_state import PhaseEchoStateRecipe
 from controller.learning.trainers.trainer import NewMotion, trainer_of
 from controller.learning.training_set import TrainingSet
@@ -41,8 +41,10 @@ def test_it_keeps_to_its_tolerance_and_passes_disturbed(library):
 
 
 def test_it_is_about_as_small_as_the_clip_and_far_smaller_than_its_readouts(library):
-    clip = clip_within(1.0, known().lessons(), known().judge(holds=True))
-    assert library.network.stored_bytes <= 1.1 * clip.stored_bytes
+    rival = clip.TRAINER.settle(
+        clip.ClipRecipe(tolerance_mm=1.0), known().lessons(), 0, known().judge(holds=True)
+    ).network
+    assert library.network.stored_bytes <= 1.1 * rival.stored_bytes
     plain = synthetic.trained(msgspec.structs.replace(RECIPE, neurons=library.info.scales.neurons))
     assert library.network.stored_bytes < 0.05 * plain.stored_bytes
 

@@ -43,7 +43,7 @@ def test_a_network_is_as_large_as_the_tolerance_asks_for():
     assert tight.neurons > loose.neurons
 
 
-@pytest.mark.parametrize(("tolerance", "neurons"), [(60.0, 40), (0.5, 120)])
+@pytest.mark.parametrize(("tolerance", "neurons"), [(120.0, 40), (0.5, 120)])
 def test_an_echo_state_network_has_the_neurons_that_its_tolerance_asks_for(tolerance, neurons):
     motions, normalisation = synthetic.lessons()
     lessons = Lessons(motions, normalisation, synthetic.RATE)
