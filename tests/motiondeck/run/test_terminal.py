@@ -99,7 +99,7 @@ def test_words_become_messages(line, message):
         ("tempo fast", "from -3 to 3, not 'fast'"),
         ("jump 1.1", "PHASE must be a number from 0 to 1, not 1.1"),
         ("lock", "lock: give it as: lock SOURCE [PHASE] [STEPS]"),
-        ("lock moon", "SOURCE must be one of beat, deck, body, not 'moon'"),
+        ("lock moon", "SOURCE must be one of beat, deck, body, person, not 'moon'"),
         ("lock beat 0 1.5", "STEPS must be a whole number from 0 to 16, not '1.5'"),
         ("lock beat 0 17", "STEPS must be a whole number from 0 to 16, not 17"),
         ("beat 3", "AGO must be a number from -2 to 2, not 3"),
