@@ -95,15 +95,16 @@ class StoredArrays:
             raise FileFormatError(f"{self.path}: array '{name}' is missing or empty")
         return int(array.shape[axis])
 
-    def take(self, name: str, *shape: int, kind: type = np.float32) -> NDArray[Any]:
-        """An array that must be of this shape and type."""
+    def take(self, name: str, *shape: int, kind: type | tuple[type, ...] = np.float32) -> NDArray[Any]:
+        """An array that must be of this shape and type, or of one of these types."""
+        kinds = [np.dtype(one) for one in (kind if isinstance(kind, tuple) else (kind,))]
         array = self._arrays.pop(name, None)
         if array is None:
             raise FileFormatError(f"{self.path}: array '{name}' is missing")
-        if array.shape != shape or array.dtype != kind:
+        if array.shape != shape or array.dtype not in kinds:
             raise FileFormatError(
                 f"{self.path}: array '{name}' is {array.dtype} of shape {array.shape}, "
-                f"expected {np.dtype(kind)} of shape {shape}"
+                f"expected {' or '.join(map(str, kinds))} of shape {shape}"
             )
         if not np.isfinite(array).all():
             raise FileFormatError(f"{self.path}: array '{name}' holds a number that is not finite")

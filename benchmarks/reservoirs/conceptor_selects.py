@@ -18,6 +18,7 @@ import json
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -27,39 +28,41 @@ from controller.learning.measures.self_test import distances
 from controller.learning.trainers.shared_conceptor import SharedConceptorRecipe
 from controller.learning.training_set import TrainingSet
 from controller.motion.encodings.motion_matching import joint_features
-from controller.networks.shared_conceptor.network import Selection, SharedConceptorMotion
+from controller.networks.phase_conceptor.network import PhaseConceptorMotion
 
 # One piece a motion, so that any conceptor goes with any phase.
 RECIPE = SharedConceptorRecipe(readout="shared", piece_seconds=1e3)
 
-Parts = dict[str, SharedConceptorMotion]
-Change = Callable[[SharedConceptorMotion, SharedConceptorMotion], SharedConceptorMotion]
+Parts = dict[str, PhaseConceptorMotion]
+Change = Callable[[PhaseConceptorMotion, PhaseConceptorMotion], PhaseConceptorMotion]
 
 
-def built(part: SharedConceptorMotion, **changes: object) -> SharedConceptorMotion:
+def built(part: PhaseConceptorMotion, **changes: Any) -> PhaseConceptorMotion:
     """A motion with some of what it is made of exchanged."""
-    given = {name: getattr(part, name) for name in ("selection", "estimate", "weights", "course", "reservoir")}
-    return SharedConceptorMotion(**(given | changes))
+    given: dict[str, Any] = {name: getattr(part, name) for name in ("stored", "course", "reservoir", "shared")}
+    return PhaseConceptorMotion(**(given | changes))
 
 
-def without_conceptor(part: SharedConceptorMotion, _: SharedConceptorMotion) -> SharedConceptorMotion:
+def without_conceptor(part: PhaseConceptorMotion, _: PhaseConceptorMotion) -> PhaseConceptorMotion:
     """The motion with C = I."""
-    neurons = part.selection.mean.shape[1]
-    whole = np.eye(neurons, dtype=np.float16)[None], np.ones((1, neurons), dtype=np.float32)
-    return built(part, selection=Selection(*whole, part.selection.mean))
+    neurons = part.stored.mean.shape[1]
+    whole, open_ = np.eye(neurons, dtype=np.float16)[None], np.ones((1, neurons), dtype=np.float32)
+    return built(part, stored=replace(part.stored, directions=whole, strength=open_))
 
 
 CHANGES: dict[str, Change] = {
     "as learned": lambda part, _: part,
     "no conceptor (C = I)": without_conceptor,
-    "the next motion's conceptor": lambda part, other: built(part, selection=other.selection),
+    "the next motion's conceptor": lambda part, other: built(part, stored=other.stored),
     "a quarter turn of phase off": lambda part, _: built(
         part, course=replace(part.course, phase=part.course.phase + 0.5 * np.pi)
     ),
     "no phase (W_phi = 0)": lambda part, _: built(
         part, reservoir=replace(part.reservoir, phase_weights=np.zeros_like(part.reservoir.phase_weights))
     ),
-    "no prediction (V = 0)": lambda part, _: built(part, estimate=np.zeros_like(part.estimate)),
+    "no prediction (V = 0)": lambda part, _: built(
+        part, shared={**part.shared, "estimate": np.zeros_like(part.shared["estimate"])}
+    ),
     "no recurrence (W = 0)": lambda part, _: built(
         part, reservoir=replace(part.reservoir, weights=np.zeros_like(part.reservoir.weights))
     ),

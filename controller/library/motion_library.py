@@ -22,15 +22,15 @@ from controller.motion.skeleton import Skeleton, SkeletonInfo
 from controller.networks.base import AnyNetwork
 from controller.networks.registry import network_kind
 from controller.networks.storage import FEWEST_ANCHORS, MotionHeader, NetworkHeader, StoredNetwork
-from motiondeck_base.arrays_file import Kind, read_arrays, write_arrays
-from motiondeck_base.errors import FileFormatError, UnknownNameError
+from motiondeck_base.arrays_file import Kind, StoredArrays, read_arrays, write_arrays
+from motiondeck_base.errors import FileFormatError, MotiondeckError, UnknownNameError
 from motiondeck_base.files import way_from
 from motiondeck_base.toml_file import shaped
 
-VERSION = 7
+VERSION = 8
 # Read as well: 2 brought phase-driven conceptors, 3 centralized networks with weights of low rank, 4 inputs of motions,
-# 5 phase-driven echo-state networks, 7 a body of each motion, and libraries baked for a robot.
-OLDER = (1, 2, 3, 4, 5, 6)
+# 5 phase-driven echo-state networks, 7 a body of each motion, and libraries baked for a robot, 8 directions in 8 bits.
+OLDER = (1, 2, 3, 4, 5, 6, 7)
 MOST_NEURONS, MOST_HARMONICS = 20_000, 100
 
 
@@ -175,6 +175,28 @@ def once_a_library(find: Callable[[MotionLibrary], Found]) -> Callable[[MotionLi
         return known[library]
 
     return remembered
+
+
+def without_motion(library: MotionLibrary, motion: str) -> MotionLibrary:
+    """A library without one of its motions; what is stored of the others stays bit for bit the same.
+
+    UnknownNameError if there is no such motion; MotiondeckError if it is the last.
+    """
+    info = library.info
+    if motion not in library.network.motions:
+        raise UnknownNameError.among("motion", motion, library.network.motions)
+    if not (kept := [one for one in info.motions if one.name != motion]):
+        raise MotiondeckError(f"'{motion}' is the only motion of the library '{info.name}'; a library has at least one")
+    recipe = info.recipe | {"motions": [one for one in info.recipe.get("motions", []) if one.get("name") != motion]}
+    if (baked := info.baked) is not None:
+        names = [one.name for one in kept]
+        leaps = {one: {other: baked.leaps[one][other] for other in names} for one in names}
+        baked = msgspec.structs.replace(baked, leaps=leaps)
+    info = msgspec.structs.replace(info, motions=kept, recipe=recipe, baked=baked)
+    at = f"motion/{motion}/"
+    arrays = {name: array for name, array in library.network.arrays().items() if not name.startswith(at)}
+    stored = StoredNetwork(StoredArrays(Path(info.name), arrays), info, library.encoding.channels)
+    return MotionLibrary(info, library.network.load(stored), library.encoding)
 
 
 def save_library(library: MotionLibrary, path: Path) -> None:

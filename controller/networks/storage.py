@@ -57,7 +57,9 @@ class StoredNetwork:
     header: NetworkHeader
     channels: int
 
-    def read(self, at: str, sizes: dict[str, int], dtype: type = np.float32, **shapes: str) -> dict[str, NDArray[Any]]:
+    def read(
+        self, at: str, sizes: dict[str, int], dtype: type | tuple[type, ...] = np.float32, **shapes: str
+    ) -> dict[str, NDArray[Any]]:
         """Arrays by name, each with its axes as letters, such as recurrent="nk"; `at` begins all names.
 
         A letter that is not among the sizes takes the size of the first axis that has it. FileFormatError if an array

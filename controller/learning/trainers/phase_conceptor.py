@@ -10,7 +10,7 @@ both by ridge regression on z = U' (x - m).
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import msgspec
 import numpy as np
@@ -19,12 +19,7 @@ from controller.learning.preparation.training_motion import TrainingMotion
 from controller.learning.reservoirs.conceptor_training import principal_directions
 from controller.learning.trainers.phase_driven import MotionByMotionTrainer, PhaseDrivenRecipe, course_of
 from controller.motion.rotations import Array, Indices
-from controller.networks.phase_conceptor.network import (
-    Float16,
-    PhaseConceptorMotion,
-    PhaseConceptorNetwork,
-    StoredPieces,
-)
+from controller.networks.phase_conceptor.network import PhaseConceptorMotion, PhaseConceptorNetwork, StoredPieces
 from controller.networks.reservoirs.phase_reservoir import Float32, PhaseCourse, PhaseReservoir, PhaseScales
 from controller.networks.reservoirs.readout_learning import affine_ridge
 from controller.networks.reservoirs.reservoir import Reservoir, drive
@@ -50,6 +45,29 @@ class PhaseRecipe(PhaseDrivenRecipe, frozen=True, kw_only=True, tag="phase-conce
     def scales(self, *, driven: bool) -> PhaseScales:
         share = DRIVEN_INPUT_SHARE if driven else 1.0
         return msgspec.structs.replace(super().scales(driven=driven), input_scale=share * self.input_scale)
+
+
+class RidgeSums:
+    """The sums of a ridge regression with a constant over states (T, N) and targets (T, C) that come in parts."""
+
+    def __init__(self, neurons: int, channels: int) -> None:
+        self.squares = np.zeros((neurons + 1, neurons + 1))  # of states with a 1 behind them
+        self.products = np.zeros((neurons + 1, channels))  # with the targets
+
+    def add(self, states: Array, targets: Array) -> None:
+        """Counts further states and their targets."""
+        known = np.column_stack([states, np.ones(len(states))])
+        self.squares += known.T @ known
+        self.products += known.T @ targets
+
+    def solve(self, regulariser: float) -> Float32:
+        """(W, w) with targets ~ W states + w, w not regularised, shape (C, N + 1)."""
+        from scipy.linalg import solve  # what plays needs none of it
+
+        penalty = np.full(len(self.squares), regulariser)
+        penalty[-1] = 0.0
+        weights = solve(self.squares + np.diag(penalty), self.products, assume_a="pos")
+        return np.ascontiguousarray(weights.T, dtype=np.float32)
 
 
 @dataclass(frozen=True)
@@ -112,23 +130,21 @@ def _window(course: PhaseCourse, piece: int, overlap: int) -> Indices:
     return np.arange(own[0] - overlap, 1 + (last if course.loop else min(last, len(course.phase) - 1)))
 
 
-def conceptor_of(states: Array, rank: int, aperture: float) -> tuple[Float16, Float32, Float16]:
-    """The directions U (N, k), the strengths S (k,) and the mean m (N,) of states (T, N), as they are stored."""
-    mean = states.mean(0).astype(np.float16)
-    values, directions = principal_directions(states - mean, rank)
-    kept = np.zeros((len(mean), rank), dtype=np.float16)
-    kept[:, : len(values)] = directions
-    strength = np.zeros(rank, dtype=np.float32)
-    strength[: len(values)] = values / (values + aperture**-2)
-    return kept, strength, mean
-
-
-def _learn_piece(lesson: PieceLesson, recipe: PhaseRecipe) -> StoredPieces:
+def _learn_piece(lesson: PieceLesson, recipe: PhaseRecipe, sums: RidgeSums | None) -> StoredPieces:
     """A piece, without its readout; the regressions use mean and directions as they are stored."""
-    kept, strength, mean = conceptor_of(lesson.states, recipe.rank, recipe.aperture)
-    estimate = affine_ridge((lesson.before - mean) @ kept.astype(np.float64), lesson.inputs, recipe.ridge)
-    unread = np.zeros_like(estimate)
-    return StoredPieces(kept[None], strength[None], mean[None], estimate.astype(np.float16)[None], unread[None])
+    mean = lesson.states.mean(0).astype(np.float16)
+    values, directions = principal_directions(lesson.states - mean, recipe.rank)
+    kept = np.zeros((1, len(mean), recipe.rank), dtype=np.int8)
+    kept[0, :, : len(values)] = np.rint(127.0 / np.abs(directions).max(0) * directions)
+    strength = np.zeros((1, recipe.rank), dtype=np.float32)
+    strength[0, : len(values)] = values / (values + recipe.aperture**-2)
+    unread = np.zeros((1, lesson.inputs.shape[1], recipe.rank + 1), dtype=np.float32)
+    piece = StoredPieces(kept, strength, mean[None], unread.astype(np.float16), unread)
+    if sums is not None:
+        sums.add(lesson.before, lesson.inputs)
+        return piece
+    estimate = affine_ridge((lesson.before - mean) @ piece.basis[0].astype(np.float64), lesson.inputs, recipe.ridge)
+    return replace(piece, estimate=estimate.astype(np.float16)[None])
 
 
 class PhaseConceptorTrainer(MotionByMotionTrainer[PhaseRecipe]):
@@ -145,10 +161,16 @@ class PhaseConceptorTrainer(MotionByMotionTrainer[PhaseRecipe]):
     )
 
     def unread(
-        self, recipe: PhaseRecipe, motion: TrainingMotion, reservoir: PhaseReservoir, rate: float
+        self,
+        recipe: PhaseRecipe,
+        motion: TrainingMotion,
+        reservoir: PhaseReservoir,
+        rate: float,
+        sums: RidgeSums | None = None,
     ) -> PhaseConceptorMotion:
+        """As the base; with sums the motion has no V, and what V is to be learned from goes into them."""
         course = course_of(motion, recipe.piece_seconds * rate)
-        pieces = [_learn_piece(lesson, recipe) for lesson in piece_lessons(motion, course, reservoir, rate)]
+        pieces = [_learn_piece(lesson, recipe, sums) for lesson in piece_lessons(motion, course, reservoir, rate)]
         stored = StoredPieces(
             *(np.concatenate([getattr(piece, field.name) for piece in pieces]) for field in fields(StoredPieces))
         )

@@ -6,7 +6,6 @@ network. Motions are independent of each other.
 
 from abc import abstractmethod
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any, ClassVar, TypeVar
 
 import msgspec
@@ -29,6 +28,7 @@ from controller.networks.reservoirs.readout_learning import learn_readouts, sett
 
 FEWEST_PIECE_FRAMES = 8  # a shorter piece does not determine its directions
 Recipe = TypeVar("Recipe", bound="PhaseDrivenRecipe")
+OneMotion = TypeVar("OneMotion", bound=PhaseMotion)
 
 
 class PhaseDrivenRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
@@ -126,10 +126,14 @@ class MotionByMotionTrainer(PhaseDrivenTrainer[Recipe]):
         self, recipe: Recipe, one: TrainingMotion, reservoir: PhaseReservoir, normalisation: Normalisation, rate: float
     ) -> PhaseMotion:
         """One motion in a reservoir; `rate` in Hz."""
-        unread = self.unread(recipe, one, reservoir, rate)
-        states, frames, piece = settled_lesson(unread, one)
-        readout = learn_readouts(states, piece, normalisation.invert(frames), recipe.ridge)
-        return type(unread)(replace(unread.stored, readout=readout), unread.course, reservoir, one.driving)
+        return self.read(recipe, self.unread(recipe, one, reservoir, rate), one, normalisation)
+
+    def read(
+        self, recipe: Recipe, unread: OneMotion, motion: TrainingMotion, normalisation: Normalisation
+    ) -> OneMotion:
+        """A motion with the readouts of its settled states."""
+        states, frames, piece = settled_lesson(unread, motion)
+        return unread.reading_with(learn_readouts(states, piece, normalisation.invert(frames), recipe.ridge))
 
     def train(self, recipe: Recipe, lessons: Lessons, seed: int) -> PhaseDrivenNetwork[Any]:
         to_learn, normalisation = lessons.motions, lessons.normalisation

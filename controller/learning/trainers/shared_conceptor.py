@@ -2,26 +2,21 @@
 
 The reservoir is driven with the channels and the phase of each motion in turn. From all of its states together one
 V is learned, which predicts a frame from the state before it (the effect of eq. 3.11 of Deliallisi 2017), and from the
-states of the network when it plays by itself one W_out (eq. 3.13), both by ridge regression. The sums of either grow
+states of the network when it plays by itself one R (eq. 3.13), both by ridge regression. The sums of either grow
 with the neurons and not with the motions.
 """
 
-from collections.abc import Iterator, Sequence
 from typing import Any, Literal
 
+import msgspec
 import numpy as np
 
-from controller.learning.preparation.training_motion import Lessons, TrainingMotion
-from controller.learning.trainers.phase_conceptor import PhaseRecipe, conceptor_of, piece_lessons
-from controller.learning.trainers.phase_driven import PhaseDrivenTrainer, course_of, settled_lesson
+from controller.learning.preparation.training_motion import Lessons
+from controller.learning.trainers.phase_conceptor import PhaseConceptorTrainer, PhaseRecipe, RidgeSums
+from controller.learning.trainers.phase_driven import settled_lesson
 from controller.learning.trainers.trainer import NewMotion
-from controller.motion.encodings.normalisation import Normalisation
-from controller.motion.rotations import Array
-from controller.networks.base import AnyNetwork
-from controller.networks.phase_conceptor.network import Float16, PhaseConceptorMotion
-from controller.networks.reservoirs.phase_reservoir import Float32, PhaseCourse, PhaseReservoir
-from controller.networks.reservoirs.readout_learning import learn_readouts
-from controller.networks.shared_conceptor.network import Selection, SharedConceptorMotion, SharedConceptorNetwork
+from controller.networks.reservoirs.phase_reservoir import PhaseReservoir
+from controller.networks.shared_conceptor.network import SharedConceptorNetwork
 
 
 class SharedConceptorRecipe(PhaseRecipe, frozen=True, kw_only=True, tag="shared-conceptor"):
@@ -39,30 +34,7 @@ class SharedConceptorRecipe(PhaseRecipe, frozen=True, kw_only=True, tag="shared-
     readout: Literal["shared", "own"] = "own"
 
 
-class RidgeSums:
-    """The sums of a ridge regression with a constant over states (T, N) and targets (T, C) that come in parts."""
-
-    def __init__(self, neurons: int, channels: int) -> None:
-        self.squares = np.zeros((neurons + 1, neurons + 1))  # of states with a 1 behind them
-        self.products = np.zeros((neurons + 1, channels))  # with the targets
-
-    def add(self, states: Array, targets: Array) -> None:
-        """Counts further states and their targets."""
-        known = np.column_stack([states, np.ones(len(states))])
-        self.squares += known.T @ known
-        self.products += known.T @ targets
-
-    def solve(self, regulariser: float) -> Float32:
-        """(W, w) with targets ~ W states + w, w not regularised, shape (C, N + 1)."""
-        from scipy.linalg import solve  # what plays needs none of it
-
-        penalty = np.full(len(self.squares), regulariser)
-        penalty[-1] = 0.0
-        weights = solve(self.squares + np.diag(penalty), self.products, assume_a="pos")
-        return np.ascontiguousarray(weights.T, dtype=np.float32)
-
-
-class SharedConceptorTrainer(PhaseDrivenTrainer[SharedConceptorRecipe]):
+class SharedConceptorTrainer(PhaseConceptorTrainer):
     """Trains conceptors that share their weights."""
 
     recipe = SharedConceptorRecipe
@@ -72,72 +44,38 @@ class SharedConceptorTrainer(PhaseDrivenTrainer[SharedConceptorRecipe]):
         for neurons, rank in ((300, 40), (400, 48), (550, 56), (750, 65), (1000, 75), (1400, 90))
     )
 
-    def train(self, recipe: SharedConceptorRecipe, lessons: Lessons, seed: int) -> SharedConceptorNetwork:
+    def train(self, recipe: Any, lessons: Lessons, seed: int) -> SharedConceptorNetwork:
         channels = lessons.motions[0].frames.shape[1]
         scales = recipe.scales(driven=any(one.driving is not None for one in lessons.motions))
         reservoir = PhaseReservoir.draw(scales, channels, seed)
         sums = RidgeSums(recipe.neurons, channels)
-        selected = [_selected(motion, reservoir, recipe, lessons.rate, sums) for motion in lessons.motions]
-        estimate = sums.solve(recipe.ridge)
-        unread = [
-            SharedConceptorMotion(selection, estimate, np.zeros_like(estimate), course, reservoir, motion.driving)
-            for motion, (selection, course) in zip(lessons.motions, selected, strict=True)
-        ]
-        motions = dict(_read(unread, lessons.motions, recipe, lessons.normalisation))
+        unread = [self.unread(recipe, motion, reservoir, lessons.rate, sums) for motion in lessons.motions]
+        estimate = sums.solve(recipe.ridge).astype(np.float16)
+        parts = [one.sharing("estimate", estimate) for one in unread]
+        learned = list(zip(parts, lessons.motions, strict=True))
+        if recipe.readout == "own":
+            parts = [self.read(recipe, part, motion, lessons.normalisation) for part, motion in learned]
+        else:
+            sums = RidgeSums(recipe.neurons, channels)
+            for part, motion in learned:
+                states, frames, piece = settled_lesson(part, motion)
+                frames = lessons.normalisation.invert(frames)
+                for one, (mean, basis) in enumerate(zip(part.stored.mean, part.stored.basis, strict=True)):
+                    sums.add(mean + states[piece == one] @ basis.T.astype(np.float64), frames[piece == one])
+            readout = sums.solve(recipe.ridge)
+            parts = [part.sharing("readout", readout) for part in parts]
+        motions = {motion.name: part for part, motion in zip(parts, lessons.motions, strict=True)}
         return SharedConceptorNetwork(scales, seed, lessons.normalisation, motions)
 
-    def add(self, recipe: SharedConceptorRecipe, network: SharedConceptorNetwork, motion: NewMotion) -> AnyNetwork:
-        """One conceptor more, with a readout in its own directions; what the motions share stays as it is."""
-        if recipe.readout == "shared":
-            return super().add(recipe, network, motion)
-        known: Any = network[network.motions[0]]
-        one, reservoir = motion.scaled(network.normalisation), network.reservoir
-        selection, course = _selected(one, reservoir, recipe, motion.rate)
-        unread = SharedConceptorMotion(selection, known.estimate, np.zeros_like(known.estimate), course, reservoir)
-        return network.with_motions(dict(_read([unread], [one], recipe, network.normalisation)))
-
-
-def _selected(
-    motion: TrainingMotion,
-    reservoir: PhaseReservoir,
-    recipe: SharedConceptorRecipe,
-    rate: float,
-    sums: RidgeSums | None = None,
-) -> tuple[Selection, PhaseCourse]:
-    """The conceptors of a motion and its course, at a rate in Hz; what V is learned from goes into the sums."""
-    course = course_of(motion, recipe.piece_seconds * rate)
-    conceptors: list[tuple[Float16, Float32, Float16]] = []
-    for lesson in piece_lessons(motion, course, reservoir, rate):
-        if sums is not None:
-            sums.add(lesson.before, lesson.inputs)
-        conceptors.append(conceptor_of(lesson.states, recipe.rank, recipe.aperture))
-    return Selection(*(np.stack(part) for part in zip(*conceptors, strict=True))), course
-
-
-def _read(
-    unread: Sequence[SharedConceptorMotion],
-    motions: Sequence[TrainingMotion],
-    recipe: SharedConceptorRecipe,
-    normalisation: Normalisation,
-) -> Iterator[tuple[str, PhaseConceptorMotion]]:
-    """The motions by name with what reads their settled states."""
-    sums = RidgeSums(recipe.neurons, motions[0].frames.shape[1])
-    own: list[Float32] = []
-    for part, motion in zip(unread, motions, strict=True):
-        states, frames, piece = settled_lesson(part, motion)
-        frames = normalisation.invert(frames)
-        if recipe.readout == "own":
-            own.append(learn_readouts(states, piece, frames, recipe.ridge))
-            continue
-        for one, (mean, directions) in enumerate(zip(part.selection.mean, part.selection.directions, strict=True)):
-            sums.add(mean + states[piece == one] @ directions.T.astype(np.float64), frames[piece == one])
-    shared = None if own else sums.solve(recipe.ridge)
-    for place, (part, motion) in enumerate(zip(unread, motions, strict=True)):
-        weights = own[place] if shared is None else shared
-        yield (
-            motion.name,
-            SharedConceptorMotion(part.selection, part.estimate, weights, part.course, part.reservoir, motion.driving),
-        )
+    def add(self, recipe: Any, network: Any, motion: NewMotion) -> SharedConceptorNetwork:
+        """One conceptor more with the V of all; it is read in its own directions, and in pieces as others are then."""
+        one = motion.scaled(network.normalisation)
+        own = msgspec.structs.replace(recipe, piece_seconds=min(recipe.piece_seconds, PhaseRecipe().piece_seconds))
+        sums = RidgeSums(network.neurons, network.channels)  # of which no V is learned: it is there
+        unread = self.unread(own, one, network.reservoir, motion.rate, sums)
+        estimate = network[network.motions[0]].shared["estimate"]
+        part = self.read(own, unread.sharing("estimate", estimate), one, network.normalisation)
+        return network.with_motions({motion.name: part})
 
 
 TRAINER = SharedConceptorTrainer()

@@ -146,9 +146,9 @@ def _settled(motion: PhaseConceptorMotion) -> tuple[Array, Channels]:
     stored, piece = motion.stored, motion.course.piece
     z = motion.states.astype(np.float64)
     states, channels = np.empty((len(z), stored.mean.shape[1])), np.empty((len(z), motion.readout.shape[1]))
-    for one, (directions, mean, readout) in enumerate(zip(stored.directions, stored.mean, motion.readout, strict=True)):
+    for one, (directions, mean, readout) in enumerate(zip(stored.basis, stored.mean, motion.readout, strict=True)):
         own = piece == one
-        states[own] = mean.astype(np.float64) + z[own] @ directions.astype(np.float64).T
+        states[own] = mean.astype(np.float64) + z[own] @ directions.T.astype(np.float64)
         channels[own] = z[own] @ readout[:, :-1].T + readout[:, -1]
     return states, channels
 

@@ -8,10 +8,11 @@ input and its channels for itself:
     x(n+1)  = m + C (tanh(W x(n) + W_in (V x(n) + v) + W_phi p(phi(n+1)) + b) - m)
     y(n)    = R x(n) + r
 
-W, W_in, W_phi and b are drawn from a seed and shared; m, C, V and R belong to a motion, or to a piece of a long one. A
-loop turns phi round and round. A one-shot turns it by half a turn and stops, so that its end is a fixed point. A long
-motion is a chain of pieces, each half a turn, and the state is handed on from one to the next. As in `conceptor`,
-C ~ U S U' has rank k and the state is x = m + U z, so that a step costs 2 N k multiplications:
+W, W_in, W_phi and b are drawn from a seed and shared; m and C belong to a motion, or to a piece of a long one, and so
+do V and R, unless one V, or one V and one R, serve all motions (`shared_conceptor`): then C alone selects. A loop turns
+phi round and round. A one-shot turns it by half a turn and stops, so that its end is a fixed point. A long motion is a
+chain of pieces, each half a turn, and the state is handed on from one to the next. As in `conceptor`, C ~ U S U' has
+rank k and the state is x = m + U z, so that a step costs 2 N k multiplications:
 
     z(n+1)  = S U' tanh(A z(n) + W_phi p(phi(n+1)) + B) - S U' m,    A = W U + W_in V U,    B = W m + W_in (V m + v) + b
 
@@ -20,8 +21,10 @@ Phase, pieces, tempo and inputs besides the phase are those of `phase_driven`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,38 +35,75 @@ from controller.networks.reservoirs.phase_reservoir import Float32, PhaseCourse,
 from controller.networks.storage import MotionHeader, StoredNetwork
 
 Float16 = NDArray[np.float16]
+# Weights (C, N + 1) by name: `estimate`, (V, v), in float16 (float32 up to version 7); `readout`, (R, r), in float32.
+Shared = Mapping[str, NDArray[Any]]
+
+# What a motion has for itself or shares, as it is stored.
+_READERS: dict[str, type] = {"estimate": np.float16, "readout": np.float32}
 
 
 @dataclass(frozen=True)
 class StoredPieces:
     """A motion as a library keeps it: P pieces of rank k in N neurons, with C channels."""
 
-    directions: Float16  # U, shape (P, N, k), half precision
+    # U, shape (P, N, k): in 8 bits, each direction to be scaled to length 1, or float16 (up to version 7).
+    directions: NDArray[Any]
     strength: Float32  # the diagonal of S, shape (P, k)
     mean: Float16  # m, shape (P, N), half precision
     estimate: Float16  # (V U, V m + v) in normalised channels, shape (P, C, k + 1), half precision
     readout: Float32  # (R U, R m + r) in the units of the encoding, shape (P, C, k + 1)
 
+    @property
+    def basis(self) -> Float32:
+        """U, shape (P, N, k)."""
+        if self.directions.dtype == np.float16:
+            return self.directions.astype(np.float32)
+        length = np.sqrt(np.square(self.directions, dtype=np.float64).sum(1, keepdims=True))
+        return (self.directions / np.maximum(length, 1.0)).astype(np.float32)
+
+    def reading(self, shared: NDArray[Any]) -> Float32:
+        """Shared weights (A, a) of C channels (C, N + 1) as each piece sees them, (A U, A m + a) (P, C, k + 1)."""
+        weights = shared.astype(np.float32)
+        seen = weights[:, :-1] @ np.concatenate([self.basis, self.mean[..., None].astype(np.float32)], axis=2)
+        seen[..., -1] += weights[:, -1]
+        return seen
+
 
 class PhaseConceptorMotion(PhaseMotion):
-    """One motion, ready to be played."""
+    """One motion, ready to be played; what it shares, (V, v) or (R, r) of shape (C, N + 1), replaces what it stores."""
 
     made = ("states", "by_level", "by_piece")
 
     def __init__(
-        self, stored: StoredPieces, course: PhaseCourse, reservoir: PhaseReservoir, driving: DrivingInput | None = None
+        self,
+        stored: StoredPieces,
+        course: PhaseCourse,
+        reservoir: PhaseReservoir,
+        driving: DrivingInput | None = None,
+        shared: Shared | None = None,
     ) -> None:
-        super().__init__(stored, course, reservoir, driving)
+        self.shared = shared or {}
+        seen: dict[str, Any] = {name: stored.reading(one).astype(_READERS[name]) for name, one in self.shared.items()}
+        super().__init__(replace(stored, **seen), course, reservoir, driving)
         phase, self.piece = course.with_lead_in
         usual = np.full((len(phase), reservoir.drive_weights.shape[1]), self.usual, dtype=np.float32)
         # (p, u) at each frame and before, u as usual, shape (T + SETTLING_STEPS, I); I is 2 H, or 2 H + 1 with inputs.
         self.inputs = np.hstack([reservoir.harmonics_of(phase), usual])
 
+    def sharing(self, name: str, weights: NDArray[Any]) -> Self:
+        """The motion with its `estimate` or `readout` shared, of shape (C, N + 1)."""
+        shared = {**self.shared, name: weights}
+        return type(self)(self.stored, self.course, self.reservoir, self.driving, shared)
+
+    def reading_with(self, readout: Float32) -> Self:
+        stored = replace(self.stored, readout=readout)
+        return type(self)(stored, self.course, self.reservoir, self.driving, self.shared)
+
     @cached_property
     def by_piece(self) -> list[tuple[Float32, Float32, Float32, Float32, Float32]]:
         """The matrices of each piece, as views that a step multiplies with."""
         stored, reservoir = self.stored, self.reservoir
-        directions, mean, estimate = (a.astype(np.float32) for a in (stored.directions, stored.mean, stored.estimate))
+        directions, mean, estimate = stored.basis, stored.mean.astype(np.float32), stored.estimate.astype(np.float32)
         pieces, neurons, rank = directions.shape
         inputs = self.inputs.shape[1]
         # (A, W_phi, W_u, B) of each piece, shape (P, N, k + I + 1), to be multiplied with (z, p, u, 1).
@@ -130,7 +170,7 @@ class PhaseConceptorPlayer(PhasePlayer[PhaseConceptorMotion]):
 
     def displace(self, noise: Float32) -> None:
         """x(0) = s + noise: the part in the stored directions goes into z, the rest into the next step."""
-        directions = self.motion.stored.directions[self.motion.course.piece[self.frame]].astype(np.float32)
+        directions = self.motion.stored.basis[self.motion.course.piece[self.frame]]
         self.state += noise @ directions
         self._push = (noise - (noise @ directions) @ directions.T) @ self.motion.reservoir.weights.T
 
@@ -140,9 +180,33 @@ class PhaseConceptorNetwork(PhaseDrivenNetwork[PhaseConceptorMotion]):
 
     kind = "phase-conceptor"
 
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        found = super().arrays()
+        for name in self.motions:
+            for part, weights in self[name].shared.items():
+                del found[f"motion/{name}/{part}"]
+                found[f"shared/{part}"] = weights
+        return found
+
+    @classmethod
+    def load_motions(
+        cls, stored: StoredNetwork, sizes: dict[str, int], reservoir: PhaseReservoir
+    ) -> dict[str, PhaseConceptorMotion]:
+        whole = sizes | {"m": sizes["n"] + 1}
+        shared: dict[str, NDArray[Any]] = {}
+        for name in _READERS:
+            if f"shared/{name}" in stored.stored:
+                shared |= stored.read("shared/", whole, (np.float16, np.float32), **{name: "cm"})
+        return {one.name: cls.load_motion(stored, one, sizes, reservoir, shared) for one in stored.header.motions}
+
     @classmethod
     def load_motion(
-        cls, stored: StoredNetwork, motion: MotionHeader, sizes: dict[str, int], reservoir: PhaseReservoir
+        cls,
+        stored: StoredNetwork,
+        motion: MotionHeader,
+        sizes: dict[str, int],
+        reservoir: PhaseReservoir,
+        all_share: Shared | None = None,
     ) -> PhaseConceptorMotion:
         """One motion of a file; all have one rank."""
         at = f"motion/{motion.name}/"
@@ -151,9 +215,14 @@ class PhaseConceptorNetwork(PhaseDrivenNetwork[PhaseConceptorMotion]):
         sizes.setdefault("k", stored.stored.size(at + "directions", 2))
         sizes["e"] = sizes["k"] + 1
         own = dict(sizes)
-        half = stored.read(at, own, np.float16, directions="pnk", mean="pn", estimate="pce")
-        pieces = StoredPieces(**half, **stored.read(at, own, strength="pk", readout="pce"))
-        return PhaseConceptorMotion(pieces, stored_course(stored, motion, own["p"]), reservoir, motion.input)
+        parts = stored.read(at, own, (np.int8, np.float16), directions="pnk") | stored.read(at, own, strength="pk")
+        parts |= stored.read(at, own, np.float16, mean="pn")
+        shared = {name: weights for name, weights in (all_share or {}).items() if at + name not in stored.stored}
+        for name, kind in _READERS.items():
+            unread = np.zeros((own["p"], own["c"], own["e"]), dtype=kind)
+            parts[name] = unread if name in shared else stored.read(at, own, kind, **{name: "pce"})[name]
+        course = stored_course(stored, motion, own["p"])
+        return PhaseConceptorMotion(StoredPieces(**parts), course, reservoir, motion.input, shared)
 
 
 KIND = PhaseConceptorNetwork

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Collection
+from dataclasses import replace
 from functools import cached_property
 from typing import Any, ClassVar, Generic, Self, TypeVar
 
@@ -93,6 +94,10 @@ class PhaseMotion(ABC):
             player.step(frame)
             states[frame] = player.state
         return states
+
+    def reading_with(self, readout: Float32) -> Self:
+        """The motion with another readout, in the units of the encoding, shape (P, C, k + 1)."""
+        return type(self)(replace(self.stored, readout=readout), self.course, self.reservoir, self.driving)
 
     def held_on(self, steps: int) -> Float32:
         """The states of a one-shot that goes on holding its end, shape (steps, k)."""

@@ -92,7 +92,7 @@ def test_motions_are_carried_to_one_body(tmp_path, mocap_data):
 
 @pytest.mark.parametrize(
     "name",
-    ["thesis15", *(f"thesis15-{kind}" for kind in ("conceptor", "echo-state", "phase-echo-state", "shared-conceptor"))],
+    ["thesis15", *(f"thesis15-{kind}" for kind in ("conceptor", "echo-state", "phase-echo-state", "phase-conceptor"))],
 )
 def test_shipped_recipes_are_good(name):
     recipe = read_recipe(RECIPES / f"{name}.toml")

@@ -109,7 +109,7 @@ def test_a_library_of_the_first_version_still_plays(library, saved, tmp_path):
         (lambda arrays, header: header.update(seed=-1), "no weights can be drawn"),
         (lambda arrays, header: arrays["motion/bow/held"].fill(-1), "-1 frames held"),
         (lambda arrays, header: arrays.pop("motion/bow/held"), "motion/bow/held.*missing"),
-        (lambda arrays, header: arrays["motion/wave/directions"].fill(np.inf), "not finite"),
+        (lambda arrays, header: arrays["motion/wave/mean"].fill(np.inf), "not finite"),
     ],
 )
 def test_what_is_wrong_with_a_phase_driven_library_is_named(phase_library, tmp_path, change, error):

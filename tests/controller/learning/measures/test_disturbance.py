@@ -208,7 +208,7 @@ def test_a_push_acts_through_all_of_the_weights(driven):
     player.displace(push)
     player.advance(frames)
     played = frames[0]
-    directions, estimate = motion.stored.directions[0].astype(np.float64), motion.stored.estimate[0].astype(np.float64)
+    directions, estimate = motion.stored.basis[0].astype(np.float64), motion.stored.estimate[0].astype(np.float64)
     mean = motion.stored.mean[0].astype(np.float64)
     x = mean + directions @ motion.states[0] + push[0]
     inputs = estimate[:, :-1] @ (directions.T @ (x - mean)) + estimate[:, -1]

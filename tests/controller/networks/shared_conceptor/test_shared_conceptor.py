@@ -5,9 +5,10 @@ import pytest
 
 import synthetic
 from benchmarks.reservoirs.conceptor_selects import table
-from controller.learning.trainers.shared_conceptor import RidgeSums, SharedConceptorRecipe
+from controller.learning.trainers.phase_conceptor import RidgeSums
+from controller.learning.trainers.shared_conceptor import SharedConceptorRecipe
+from controller.networks.phase_conceptor.network import PhaseConceptorMotion
 from controller.networks.ridge import ridge
-from controller.networks.shared_conceptor.network import SharedConceptorMotion
 
 SMALL = {"neurons": 300, "rank": 30, "piece_seconds": 5.0, "readout": "shared"}
 
@@ -32,10 +33,8 @@ def test_each_reads_in_its_own_directions_where_that_is_asked():
 
 def test_with_the_conceptor_of_another_motion_it_leaves_its_own(network):
     march, wave = network["march"], network["wave"]
-    parts = march.estimate, march.weights, march.course, march.reservoir
-    off = [
-        np.abs(SharedConceptorMotion(one.selection, *parts).read() - synthetic.march()).max() for one in (march, wave)
-    ]
+    parts = march.course, march.reservoir, None, march.shared
+    off = [np.abs(PhaseConceptorMotion(one.stored, *parts).read() - synthetic.march()).max() for one in (march, wave)]
     assert off[0] < 0.02
     assert off[1] > 0.3
 
