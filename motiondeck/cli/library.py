@@ -1,4 +1,4 @@
-"""`motiondeck library`: lists and shows motion libraries, adds motions to them, and bakes them for robots."""
+"""`motiondeck library`: lists and shows motion libraries, adds and removes motions, and bakes them for robots."""
 
 from __future__ import annotations
 
@@ -23,6 +23,7 @@ app = typer.Typer(help="List, show, extend and bake motion libraries.", no_args_
 LibraryArgument = Annotated[
     str, Argument(metavar="LIBRARY", help="A library file (.safetensors), or a shipped one by its name.")
 ]
+OutOption = Annotated[Path | None, Option(metavar="FILE", help="The library to write; default: LIBRARY itself.")]
 
 
 @app.command("list")
@@ -176,7 +177,7 @@ def add(
     frames: Annotated[
         tuple[int, int] | None, Option(metavar="FIRST END", help="Only these frames of the recording.")
     ] = None,
-    out: Annotated[Path | None, Option(metavar="FILE", help="The library to write; default: LIBRARY itself.")] = None,
+    out: OutOption = None,
     allow_failing: Annotated[
         bool, Option("--allow-failing", help="Write the library even if the motion fails its self-test.")
     ] = False,
@@ -195,12 +196,7 @@ def add(
     from controller.motion.formats.reading import read_clip
     from motiondeck.cli.common.library_report import part_fields, part_of, print_table, report, seam_of
 
-    path = find_library(library)
-    if out is None and not Path(library).is_file():
-        raise MotiondeckError(f"'{library}' is a shipped library, which is never changed; give --out FILE")
-    target = out or path
-    check_ending(target, "a library")
-    check_folder(target)
+    path, target = _to_change(library, out)
     options = reading.options()
     name = name or typeable(clip.stem)
     plan = MotionRecipe(
@@ -233,3 +229,40 @@ def add(
         )
     if not as_json:
         print(f"wrote {target} ({target.stat().st_size / 1e6:.1f} MB)")
+
+
+@app.command("remove")
+def remove(
+    library: LibraryArgument,
+    motion: Annotated[str, Argument(metavar="MOTION", help="The motion to leave out.")],
+    out: OutOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Remove a motion from a library; all others stay as they are.
+
+    What is stored of the others is the same bit for bit. The last motion is not removed.
+
+    Example:  motiondeck library remove my.safetensors skip
+    """
+    from controller.library.motion_library import load_library, save_library, without_motion
+    from motiondeck.cli.common.library_report import print_table, report
+
+    path, target = _to_change(library, out)
+    kept = without_motion(load_library(path), motion)
+    save_library(kept, target)
+    if as_json:
+        print(json.dumps(report(kept) | {"written": str(target)}))
+        return
+    print_table(kept)
+    print(f"wrote {target} ({target.stat().st_size / 1e6:.1f} MB)")
+
+
+def _to_change(library: str, out: Path | None) -> tuple[Path, Path]:
+    """The file of a library and the one to write, LIBRARY itself by default; MotiondeckError if it is a shipped one."""
+    path = find_library(library)
+    if out is None and not Path(library).is_file():
+        raise MotiondeckError(f"'{library}' is a shipped library, which is never changed; give --out FILE")
+    target = out or path
+    check_ending(target, "a library")
+    check_folder(target)
+    return path, target
