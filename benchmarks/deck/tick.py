@@ -178,7 +178,7 @@ def measure(library: MotionLibrary, motion: str, ticks: int) -> dict[str, Any]:
 
 
 def measure_beside(beside: Path, rounds: int, options: list[str]) -> dict[str, dict[str, list[float]]]:
-    """Medians of whole ticks of this and another checkout in each run, us, one of each round."""
+    """Medians of whole ticks of this and another checkout in each run and after each pause, us, one of each round."""
     found: dict[str, dict[str, list[float]]] = {}
     for _ in range(rounds):
         for name, checkout in (("this", Path(__file__).parents[2]), ("beside", beside.resolve())):
@@ -189,8 +189,11 @@ def measure_beside(beside: Path, rounds: int, options: list[str]) -> dict[str, d
                 stdout=subprocess.PIPE,
                 check=True,
             )
-            for run, rows in json.loads(done.stdout)["us"].items():
-                found.setdefault(run, {}).setdefault(name, []).append(rows["p50 of whole ticks"])
+            measured = json.loads(done.stdout)
+            medians = {run: rows["p50 of whole ticks"] for run, rows in measured["us"].items()}
+            medians |= {f"after a pause: {pause}": spent for pause, spent in measured["us_after_a_pause"].items()}
+            for run, median in medians.items():
+                found.setdefault(run, {}).setdefault(name, []).append(median)
     return found
 
 

@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -95,6 +96,16 @@ def test_a_foreign_package_on_the_path_is_named(command, crowded):
     assert done.returncode == 1
     assert len(done.stderr.splitlines()) == 1
     assert str(crowded / "motiondeck_base") in done.stderr
+
+
+@pytest.mark.thorough
+def test_the_safety_envelope_is_compiled_where_there_is_a_compiler(command, crowded):
+    asked = "from controller.loop.safety.compiled_envelope import *; print(load_compiled(COMPILED) is not None)"
+    python = command.parent / "python"
+    done = subprocess.run(
+        [python, "-P", "-c", asked], cwd=crowded, env=environment(), capture_output=True, text=True, check=True
+    )
+    assert done.stdout.strip() == str(shutil.which("cc") is not None)
 
 
 def answers(url):
