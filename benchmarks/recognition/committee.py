@@ -24,6 +24,7 @@ from controller.learning.recognition.experts import (
     readout,
     total,
 )
+from controller.learning.recognition.model_space import fit_model_space
 from controller.motion.rotations import Array, Indices
 
 NEURONS, GROUPS = 200, 8
@@ -49,6 +50,27 @@ def committee(recipe: ExpertRecipe, groups: int = GROUPS, together: int | None =
             centre = np.mean([errors[own[label]].mean(0) for label in learned], axis=0)
             costs = np.full((len(ask), classes), np.inf)
             costs[:, learned] = errors[ask] - centre
+            return costs
+
+        return score
+
+    return prepare
+
+
+def with_model_space(recipe: ExpertRecipe) -> Prepare:
+    """A committee whose costs are lowered by the votes of the clips' own readouts, as a recognizer's are."""
+
+    def prepare(signals: list[Array], labels: Indices, classes: int) -> Scorer:
+        experts = committee(recipe, recipe.groups)(signals, labels, classes)
+        reservoir = expert_reservoir(recipe, signals[0].shape[1])
+        clips = [moments(one) for one in force(reservoir, signals, recipe.washout)]
+
+        def score(learn: Indices, ask: Indices) -> Array:
+            costs, own = experts(learn, ask), experts(learn, learn)
+            learned = np.unique(labels[learn])
+            numbers = np.searchsorted(learned, labels[learn])
+            space = fit_model_space([clips[i] for i in learn], numbers.tolist(), own[:, learned], recipe)
+            costs[:, learned] -= space.votes([clips[i] for i in ask], recipe)
             return costs
 
         return score

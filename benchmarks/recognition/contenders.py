@@ -17,7 +17,7 @@ from benchmarks.recognition.baselines import (
     mean_pose,
     nearest_by_warping,
 )
-from benchmarks.recognition.committee import A_JOINT, GROUPS, NEURONS, committee
+from benchmarks.recognition.committee import A_JOINT, GROUPS, NEURONS, committee, with_model_space
 from benchmarks.recognition.folds import Seeded
 from benchmarks.recognition.frequency_retrieval import ALL_NUMBERS, FREQUENCIES, frequency_vector, nearest_frequencies
 from benchmarks.recognition.methods import Method, Prepare, at_recorded_angles, looking_at, proposal, shared_experts
@@ -41,6 +41,7 @@ ALIGNED_FRAMES = 60  # two seconds at 30 Hz
 OURS = "experts (ours)"
 NESTED = "experts (ours, nested choice)"
 COMMITTEE = "experts (ours, a committee)"
+MODEL_SPACE = "experts and model space (ours)"
 PROPOSED = "proposal"
 
 
@@ -68,6 +69,12 @@ def candidates(seed: int) -> list[Method]:
 def in_committee(seed: int) -> list[Method]:
     """Our experts as a committee within one reservoir, judged joint by joint."""
     return [Method(COMMITTEE, looking_at(WITH_VELOCITY), committee(ExpertRecipe(neurons=NEURONS, seed=seed)))]
+
+
+def in_model_space(seed: int) -> list[Method]:
+    """The committee with the votes of the clips' own readouts: what `recognize run` names clips by."""
+    recipe = ExpertRecipe(neurons=NEURONS, groups=GROUPS, leak=STRETCHED_LEAK, seed=seed)
+    return [Method(MODEL_SPACE, looking_at(WITH_VELOCITY), with_model_space(recipe))]
 
 
 # Ways to judge among which the recognition of unknown motions chooses: groups of neurons, channels together.
@@ -111,6 +118,7 @@ def contenders() -> dict[str, tuple[Seeded, bool]]:
         OURS: (ours, True),
         NESTED: (candidates, True),
         COMMITTEE: (in_committee, True),
+        MODEL_SPACE: (in_model_space, True),
         "experts, positions only": (lambda seed: ours(seed, POSITIONS), True),
         "experts, 5 joints": (lambda seed: ours(seed, FIVE_JOINTS), True),
         "experts, not turned into the heading": (lambda seed: ours(seed, ANY_HEADING), True),

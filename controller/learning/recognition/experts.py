@@ -6,8 +6,7 @@ A reservoir is driven by the motion to recognize (teacher forcing):
     y_m(t) = W_m x(t),      e_m = mean over t of |y(t) - y_m(t)|^2
 
 Expert m was trained on motion m, so the expert with the least error gives the class. All experts share one reservoir,
-and their readouts are ridge regressions from the moments X'X and X'Y of each class: a clip or a class is added without
-touching the others.
+and their readouts are ridge regressions from the moments X'X and X'Y of each class.
 
 Experts differ in their mean error on any motion. So costs are centred: the log error of an expert less the mean over
 all classes of its log error on their training motions, which follows from the moments.
@@ -224,13 +223,6 @@ class ExpertBank:
     def confidences(self, costs: Array) -> Array:
         """The confidence of verdicts on costs (signals, M), shape (signals,), for comparison with the threshold."""
         return margins(costs) - self.recipe.doubt * costs.min(1)
-
-    def learned(self, label: str, signals: list[Array]) -> ExpertBank:
-        """The bank with more motions of a class, known or new; the readouts of other classes stay."""
-        more = total(moments(forced) for forced in self.force(signals))
-        known = dict(zip(self.classes, self.moments, strict=True))
-        known[label] = known[label] + more if label in known else more
-        return ExpertBank(self.recipe, self.reservoir, tuple(known), tuple(known.values()))
 
 
 def teach(recipe: ExpertRecipe, signals: list[Array], labels: Sequence[str]) -> ExpertBank:

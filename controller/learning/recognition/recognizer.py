@@ -7,7 +7,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from controller.learning.recognition.experts import ExpertBank, ExpertRecipe, Moments, margins, teach
+from controller.learning.recognition.experts import ExpertBank, ExpertRecipe, Moments, margins, moments, teach
 from controller.learning.recognition.features import (
     POSITION_UNIT,
     VELOCITY_UNIT,
@@ -17,6 +17,7 @@ from controller.learning.recognition.features import (
     still_features,
 )
 from controller.learning.recognition.labelled_recordings import Dataset, inner_folds
+from controller.learning.recognition.model_space import ModelSpace, fit_model_space
 from controller.learning.recognition.online_recognizer import FrameTimes, OnlineRecognizer
 from controller.motion.clip import Clip
 from controller.motion.rotations import Array
@@ -29,13 +30,13 @@ from motiondeck_base.toml_file import shaped
 # Shares in the training set: known motions of a new actor called unknown; with one actor only, unlearned motions of
 # that actor called known.
 FALSE_REJECTIONS = 0.05
-FALSE_ACCEPTANCES = 0.1
+FALSE_ACCEPTANCES = 0.5
 LEAST_CONFIDENCE = -1e3  # below every confidence
 SHORTEST_STRETCH, LONGEST_STRETCH = 0.1, 10.0
 STEADY = 0.06  # s for which a verdict must be constant before it is reported
 
-VERSION = 2
-OLDER = (1,)  # whose yy is a sum over the channels
+VERSION = 3
+OLDER = (1, 2)  # both without a model space; in 1 yy is a sum over the channels
 KEY = "motiondeck recognizer"
 KIND = Kind("recognizer", KEY, VERSION, "`motiondeck recognize train`", OLDER)
 
@@ -45,9 +46,9 @@ class RecognitionVerdict:
     """The classification of a motion."""
 
     motion: str  # the nearest class
-    known: bool  # whether the confidence reaches the threshold
-    margin: float  # difference of log errors between the second-best and the best expert
-    costs: dict[str, float]  # the centred log error of each class
+    known: bool  # whether the experts' confidence reaches the threshold
+    margin: float  # difference between the second-least and the least cost
+    costs: dict[str, float]  # the centred log error of each class, less the model space's vote for it
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,10 +60,18 @@ class Recognizer:
     threshold: float  # the confidence (`ExpertBank.confidences`) below which a motion is called unknown
     clips: int  # number of training clips
     sources: tuple[str, ...] = ()  # names of their files
+    models: ModelSpace | None = None  # None in older files
 
     def recognize(self, clip: Clip) -> RecognitionVerdict:
         """The verdict on a clip; MotiondeckError if it lacks a joint, or is too short to predict anything."""
-        return self.verdict(self.bank.costs([self.features(clip)])[0])
+        return self.verdict_on(self.features(clip))
+
+    def verdict_on(self, signal: Array) -> RecognitionVerdict:
+        """The verdict on the features of a clip, shape (T, C)."""
+        errors = self.bank.costs([signal])[0]
+        if self.models is None:
+            return self.verdict(errors, errors)
+        return self.verdict(errors, errors - self.models.votes(clip_moments(self.bank, [signal]), self.bank.recipe)[0])
 
     def features(self, clip: Clip) -> Array:
         """The features of a clip, shape (T, C), T >= 2; errors as `recognize`."""
@@ -74,12 +83,16 @@ class Recognizer:
             )
         return signal
 
-    def verdict(self, costs: Array) -> RecognitionVerdict:
-        """The verdict on centred log errors, shape (M,)."""
-        margin = float(margins(costs[None])[0])
+    def verdict(self, errors: Array, costs: Array) -> RecognitionVerdict:
+        """The verdict on the experts' centred log errors, which say whether it is known, and on costs, both (M,)."""
         named = dict(zip(self.bank.classes, costs.tolist(), strict=True))
-        known = float(self.bank.confidences(costs[None])[0]) >= self.threshold
-        return RecognitionVerdict(self.bank.classes[int(costs.argmin())], known, margin, named)
+        known = float(self.bank.confidences(errors[None])[0]) >= self.threshold
+        return RecognitionVerdict(self.bank.classes[int(costs.argmin())], known, float(margins(costs[None])[0]), named)
+
+
+def clip_moments(bank: ExpertBank, signals: list[Array]) -> list[Moments]:
+    """The moments of each signal (T_j, C), forced through a bank's reservoir."""
+    return [moments(forced) for forced in bank.force(signals)]
 
 
 def train_recognizer(
@@ -107,7 +120,10 @@ def train_recognizer(
     bank = _trained_bank(signals, range(len(signals)), dataset, experts)
     threshold = rejection_threshold(signals, dataset, experts)
     sources = tuple(example.path.name for example in dataset.examples)
-    return Recognizer(look, bank, threshold, len(signals), sources)
+    every = [signal for own in signals for signal in own]
+    labels = np.repeat(dataset.labels, len(stretches)).tolist()
+    models = fit_model_space(clip_moments(bank, every), labels, bank.costs(every), experts)
+    return Recognizer(look, bank, threshold, len(signals), sources, models)
 
 
 def _trained_bank(
@@ -173,6 +189,8 @@ def save_recognizer(recognizer: Recognizer, path: Path, licence: str = "") -> No
     }
     for name in ("xx", "xy", "yy", "count"):
         arrays[name] = np.array([getattr(of, name) for of in bank.moments])
+    if recognizer.models is not None:
+        arrays |= {"model_weights": recognizer.models.weights, "model_offset": recognizer.models.offset}
     write_arrays(path, KIND, info, arrays)
 
 
@@ -194,6 +212,11 @@ def load_recognizer(path: Path) -> Recognizer:
         yy = np.tile(stored.take("yy", classes, kind=np.float64)[:, None] / channels, channels)
     else:
         yy = stored.take("yy", classes, channels, kind=np.float64)
+    models: ModelSpace | None = None
+    if info.version > 2:
+        read = neurons // info.experts.groups * info.experts.groups
+        weights = stored.take("model_weights", classes, read * channels)
+        models = ModelSpace(weights, stored.take("model_offset", classes, kind=np.float64))
     stored.finish()
     if (count <= 0.0).any() or (yy < 0.0).any():
         raise FileFormatError(f"{path}: a class was trained on nothing")
@@ -205,7 +228,7 @@ def load_recognizer(path: Path) -> Recognizer:
         usable = False
     if not usable:
         raise FileFormatError(f"{path}: its moments are not those of any motion. Train it again.")
-    return Recognizer(info.features, bank, info.threshold, info.clips, tuple(info.sources))
+    return Recognizer(info.features, bank, info.threshold, info.clips, tuple(info.sources), models)
 
 
 def _read_info(path: Path, tree: object) -> RecognizerInfo:

@@ -101,20 +101,6 @@ def test_each_motion_is_foretold_best_by_its_own_expert():
     assert (np.diag(errors) == errors.min(0)).all()
 
 
-def test_learning_a_clip_later_is_the_same_as_learning_it_at_once():
-    parts, names = signals(5, 6), ["a", "b", "a", "b", "b", "c"]
-    at_once = teach(SMALL, parts, names)
-    later = teach(SMALL, parts[:4], names[:4]).learned("b", [parts[4]]).learned("c", [parts[5]])
-    assert later.classes == at_once.classes
-    assert np.allclose(later.costs(parts), at_once.costs(parts), atol=1e-8)
-
-
-def test_a_new_class_leaves_the_other_readouts_alone():
-    parts = signals(6, 3)
-    before = teach(SMALL, parts[:2], ["a", "b"])
-    assert np.array_equal(before.learned("z", [parts[2]]).readouts[:2], before.readouts)
-
-
 def test_the_margin_is_the_lead_over_the_second():
     costs = np.array([[3.0, -1.0, 0.5], [2.0, 2.0, 9.0]])
     assert np.allclose(margins(costs), [1.5, 0.0])
