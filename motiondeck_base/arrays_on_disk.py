@@ -2,12 +2,22 @@
 
 import os
 from collections.abc import Iterator, MutableMapping
+from contextlib import suppress
+from ctypes import CDLL
 from tempfile import TemporaryFile
 
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+
+
+def return_freed_arrays() -> None:
+    """Has the C library return memory of large arrays to the system once they are freed, where it can (glibc)."""
+    with suppress(AttributeError, OSError):
+        set_option = CDLL(None).mallopt
+        set_option(-3, 4 << 20)  # M_MMAP_THRESHOLD, bytes; else it grows with what was freed
+        set_option(-1, 16 << 20)  # M_TRIM_THRESHOLD
 
 
 class ArraysOnDisk(MutableMapping[str, Array]):

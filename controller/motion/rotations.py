@@ -264,6 +264,8 @@ def turned_about_vertical(q: Array, angle: float) -> Array:
 def continuous(q: Array) -> Array:
     """Flips signs along the first axis, time, so that neighbours agree (q and -q are one rotation)."""
     sign = np.where(dot(q[1:], q[:-1]) < 0.0, -1.0, 1.0)
+    if (sign > 0.0).all():
+        return q
     out = q.copy()
     out[1:] *= np.cumprod(sign, axis=0)[..., None]
     return out

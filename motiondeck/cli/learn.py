@@ -22,6 +22,7 @@ from motiondeck.cli.common.options import (
     ground_of,
     grouped,
 )
+from motiondeck_base.arrays_on_disk import return_freed_arrays
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.files import check_folder, write_file
 from motiondeck_base.progress import progress
@@ -214,6 +215,7 @@ def _learn_recordings(options: LearnOptions, out: Path, reading: ReadingOptions,
             first = stood[0]
             why = first.error or f"in {first.recording} it falls at {first.fell_s:.2f} s; {folder} has what it does"
             raise MotiondeckError(f"{options.robot} does none of these motions to the end on its feet: {why}")
+    return_freed_arrays()
     with progress("", 2 * len(files) + 2) as tick:  # more where one holds more motions
         learned = learning.learn(
             files,

@@ -115,10 +115,10 @@ def _arms_by_shape(skeleton: Skeleton, marks: Landmarks) -> str:
 
 def _toes_ahead(own: Clip) -> float:
     """The median cosine between the toes, but for their part along the shank, and the heading of a canonical clip."""
-    lines = rotate(own.rotation[:, 1:], own.skeleton.rest_direction)
     aside: list[Array] = []
     for side in "lr":
-        foot, shank = (lines[:, own.skeleton.index(side + end)] for end in ("foo", "ank"))
+        bones = [own.skeleton.index(side + end) for end in ("foo", "ank")]
+        foot, shank = (rotate(own.rotation[:, 1 + bone], own.skeleton.rest_direction[bone]) for bone in bones)
         aside.append(foot - dot(foot, shank)[:, None] * shank)  # crawling feet point backwards along it
     forward = rotate(own.rotation[:, 0], np.array([1.0, 0.0, 0.0]))
     return float(np.median(dot(0.5 * (aside[0] + aside[1]), forward)))

@@ -13,6 +13,7 @@ from controller.motion.rotations import (
     Array,
     Flags,
     Indices,
+    by_blocks,
     conjugate,
     continuous,
     from_rotation_vector,
@@ -97,7 +98,7 @@ def spikes(clip: Clip) -> list[tuple[int, int]]:
     if len(clip) < 3:
         return []
     own = clip.joints()[:, 1:] - clip.root_position[:, None]
-    aside = np.sqrt(np.square(own[1:-1] - 0.5 * (own[2:] + own[:-2])).sum(-1))
+    aside = by_blocks(lambda a, b, c: np.sqrt(np.square(b - 0.5 * (c + a)).sum(-1)), own[:-2], own[1:-1], own[2:])
     bone = aside.argmax(axis=1)
     at = np.flatnonzero(aside.max(axis=1) > max(SPIKE, 0.5 * FASTEST_TURN / clip.rate**2))
     return [(int(frame) + 1, int(bone[frame])) for frame in at]
@@ -131,9 +132,9 @@ def without_reference_pose(clip: Clip) -> tuple[Clip, int]:
 
 
 def _reference_frames(joints: Array, rate: float) -> int:
-    step = np.sqrt(np.square(np.diff(joints, axis=0)).sum(-1)).max(1)
-    after = max(2, round(AFTER_JUMP * rate))
-    for frame in range(min(max(1, round(JUMP_WITHIN * rate)), len(step) - 2)):
+    within, after = max(1, round(JUMP_WITHIN * rate)), max(2, round(AFTER_JUMP * rate))
+    step = np.sqrt(np.square(np.diff(joints[: within + after + 2], axis=0)).sum(-1)).max(1)
+    for frame in range(min(within, len(step) - 2)):
         following = step[frame + 1 : frame + 1 + after]
         if step[frame] > max(JUMP, JUMP_TIMES * float(following.max())):
             return frame + 1
@@ -145,7 +146,8 @@ def _between_still_ends(joints: Array, rate: float) -> tuple[int, int]:
     width = max(1, round(SMOOTHED * rate))
     count = len(joints)
     ahead = joints[width:] - joints[:-width] if count > width else joints[-1:] - joints[:1]
-    speed = np.sqrt(np.square(ahead).sum(-1)).max(axis=1) * rate / max(1, min(width, count - 1))
+    speed = by_blocks(lambda way: np.sqrt(np.square(way).sum(-1)).max(axis=1), ahead) * rate
+    speed = speed / max(1, min(width, count - 1))
     moving = np.flatnonzero(speed > STILL_SPEED)
     if len(moving) == 0:
         return 0, 0

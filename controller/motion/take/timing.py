@@ -11,7 +11,7 @@ import numpy as np
 
 from controller.motion.canonical.clip_edits import FASTEST_BODY, cubic, interpolated
 from controller.motion.clip import Clip, Decision
-from controller.motion.rotations import Array, Flags, Indices, continuous
+from controller.motion.rotations import Array, Flags, Indices, by_blocks, continuous
 from motiondeck_base.counted import counted
 
 SAME = 1e-7  # m: frames whose joints are this near are one frame held
@@ -46,7 +46,7 @@ class Timing:
 def timing_of(points: Array, rate: float) -> Timing:
     """The timing of points (T, K, 3), m, in a file of a rate in Hz; NaN where a point was not seen."""
     step = np.nan_to_num(np.diff(points, axis=0), copy=False)
-    length = np.sqrt(np.square(step).sum(-1)).max(axis=1, initial=0.0)
+    length = by_blocks(lambda way: np.sqrt(np.square(way).sum(-1)).max(axis=1, initial=0.0), step)
     width = max(1, round(MOVES_SECONDS * rate))
     moves = rate * np.convolve(length, np.ones(width) / width, "same")[: len(length)] > MOVES
     same = length < SAME
@@ -145,6 +145,8 @@ def timed(clip: Clip, wanted: float | str) -> tuple[Clip, Decision]:
 
 
 def _chosen(clip: Clip, frames: Indices, rate: float) -> Clip:
+    if np.array_equal(frames, np.arange(len(clip))):
+        return replace(clip, rate=rate)
     return replace(clip, rate=rate, root_position=clip.root_position[frames], rotation=clip.rotation[frames])
 
 

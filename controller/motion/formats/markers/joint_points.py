@@ -120,7 +120,10 @@ def jointed_body(joints: dict[str, Array], markers: Markers, name: str) -> Clip:
         hangs = np.array([bones.index(of) if of != "root" else ROOT for of, _ in tree.values()])
         rest = np.array([rest for _, rest in tree.values()])
         skeleton = Skeleton(name, tuple(_USUAL[bone] for bone in bones), hangs, rest, length)
-    rotation = orient(skeleton, normalise(lines))
+    # All joints together are as large as the clip.
+    ends, lines = {at: ends[at] for at in ("root", "lhip", "rhip", "pelvis") if at in ends}, normalise(lines)
+    rotation = orient(skeleton, lines)
+    del lines
     if "pelvis" in ends:
         left = normalise(ends["lhip"] - ends["rhip"])
         ahead = normalise(np.cross(left, ends["pelvis"] - ends["root"]))
