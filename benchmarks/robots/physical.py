@@ -18,7 +18,8 @@ direction by the seed, and what it does next is searched from where it then is: 
     python -m benchmarks physical ../shared/data --models published-models --download
     python -m benchmarks physical ../shared/data --motions nnRawWalk,02_04 --seeds 1 --seconds 4
 
-With --planner ps, mppi or cem a sampling planner of judo (`pip install --no-deps judo-rai`) takes the search's place.
+With --planner sampling it is what `retarget` tries where the first search falls; with ps, mppi or cem a sampling
+planner of judo (`pip install --no-deps judo-rai`) takes its place.
 
 A run that was stopped continues: rows that are in the results are not computed again.
 """
@@ -48,7 +49,7 @@ from controller.motion.clip import Clip, ReadingOptions
 from controller.motion.formats.acclaim.amc import skeleton_of
 from controller.motion.formats.reading import read_clip
 from sim.physical.course import Batch, CarriedCourse, played
-from sim.physical.search import Effort, Search
+from sim.physical.search import Effort, Sampling, Search
 from sim.physical.stage import RATE, OnItsFeet, PhysicalStage
 from sim.physics.physics_model import physics_model
 from sim.physics.pushes import usual_push
@@ -74,6 +75,7 @@ LOW, TILTED, LASTS = 0.25, 50.0, 0.3  # m and degrees beside the carried pelvis,
 REPLAYS, NOISE = 10, 0.001  # m and rad
 FIRST_PUSH, PUSHED_EVERY = 0.5, 1.0  # s
 OURS = "search"
+PLANNERS = {OURS: Search, "sampling": Sampling}
 
 Array = NDArray[np.float64]
 Row = dict[str, Any]
@@ -152,7 +154,7 @@ def measured(robot: Robot, clip: Clip, seed: int, push: float, planner: str = OU
     started = time.process_time()
     stage = PhysicalStage(robot, carried)
     pushed = pushes(robot, push, seed) if push else None
-    found = stage.search(seed, pushed=pushed, planner=Search if planner == OURS else sampled(planner, seed))
+    found = stage.search(seed, pushed=pushed, planner=PLANNERS.get(planner) or sampled(planner, seed))
     cpu = time.process_time() - started
     done, asked = found.motion.qpos, carried.qpos[: len(found.motion)]
     fallen, model = has_fallen(done, asked), physics_model(robot, "free")
@@ -202,7 +204,9 @@ def main(
     seeds: Annotated[int, typer.Option(help="Seeds of each motion.")] = 3,
     seconds: Annotated[float, typer.Option(help="Of each recording.")] = 6.0,
     push: Annotated[float, typer.Option(help="Shares of the usual push, once a second.")] = 0.0,
-    planner: Annotated[Literal["search", "ps", "mppi", "cem"], typer.Option(help="What plans the offsets.")] = OURS,
+    planner: Annotated[
+        Literal["search", "sampling", "ps", "mppi", "cem"], typer.Option(help="What plans the offsets.")
+    ] = OURS,
     results: Annotated[Path, typer.Option(help="A JSON object a row; what is there is not repeated.")] = Path(
         "physical.jsonl"
     ),

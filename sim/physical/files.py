@@ -82,7 +82,7 @@ def _stood(
     clip = resampled(clip, RATE)
     robot = loader(clip.skeleton, solver, 1.0 / RATE)
     stage = PhysicalStage(robot, retargeted(robot, clip))
-    found = stage.search(seed, progress=progress)
+    found = stage.best(seed, progress)
     place = out / f"{path.stem}{'' if found.fell_s is None else MARK}.npz"
     try:
         out.mkdir(parents=True, exist_ok=True)

@@ -132,3 +132,33 @@ class Search:
             change[k] = own[k] + gains[k] @ moved
             moved = a[k] @ moved + b[k] @ change[k]
         return change
+
+
+# Of `Sampling`: rollouts a move, nodes over the horizon, the standard deviation of their offsets (rad), and the
+# difference of the mean cost of a knot by which a rollout counts a factor e less.
+ROLLOUTS, NODES, SIGMA, TEMPERATURE = 64, 8, 0.03, 0.05
+
+
+class Sampling(Search):
+    """Improves offsets by random ones around them, weighted by their costs (MPPI, Williams et al. 2017).
+
+    Offsets are linear between the nodes. It follows less closely than the fits, and stands where they fall.
+    """
+
+    def improve(self, state: Array, now: int, ahead: int) -> None:
+        """As `Search.improve`."""
+        last = min(now + ahead, len(self._course.states) - 1)
+        at, nodes = np.arange(now, last), np.linspace(now, last - 1, NODES)
+        near = np.maximum(1.0 - np.abs(at[:, None] - nodes) / max(nodes[1] - nodes[0], 1e-9), 0.0)
+        near /= near.sum(axis=1, keepdims=True)
+        plan = np.stack([np.interp(nodes, at, joint) for joint in self.offsets[now:last].T], axis=1)
+        random = np.random.default_rng(now + ahead * len(self._course.states))
+        drawn = plan + SIGMA * random.standard_normal((ROLLOUTS, *plan.shape))
+        drawn[0] = plan
+        tries = near @ drawn
+        costs = self._costs(played(self._batch, self._course, state, now, tries), tries, now) / (last - now)
+        weights = np.exp((min(costs.min(), 1e9) - costs) / TEMPERATURE)
+        if weights.sum() > 0.0:  # else each rollout ends in NaN
+            plan = np.tensordot(weights / weights.sum(), drawn, 1)
+        self.offsets[now:last] = near @ plan
+        self.offsets[last : last + self._effort.moves] = self.offsets[last - 1]

@@ -13,13 +13,16 @@ import numpy as np
 
 from controller.motion.rotations import Array
 from sim.physical.course import KNOT, STEP, Batch, CarriedCourse, course_of, played
-from sim.physical.search import Effort, Search
+from sim.physical.search import Effort, Sampling, Search
 from sim.physics.physics_model import physics_model
 from sim.physics.recovery import has_fallen
 from sim.robots.joint_motion import JointMotion
 from sim.robots.robot import Robot
 
 RATE = 1.0 / KNOT  # of the motions, Hz
+Planner = Callable[[Batch, CarriedCourse, Effort], Search]
+Planners = tuple[Planner, ...]
+PLANNERS: Planners = (Search, Sampling)
 STARTS = 0.001  # standard deviation of the first positions beside the motion's, m and rad
 
 
@@ -54,7 +57,7 @@ class PhysicalStage:
         effort: Effort | None = None,
         progress: Callable[[float], None] = lambda seconds: None,
         pushed: Callable[[float], Array] | None = None,
-        planner: Callable[[Batch, CarriedCourse, Effort], Search] = Search,
+        planner: Planner = Search,
     ) -> OnItsFeet:
         """Looks for the offsets, knot by knot, until the motion ends or the robot falls.
 
@@ -77,6 +80,17 @@ class PhysicalStage:
                 states[-1, batch.model.nq : batch.model.nq + 2] += pushed(now * KNOT)
             progress(now * KNOT)
         return self._found(states, search.offsets, fell)
+
+    def best(
+        self, seed: int = 0, progress: Callable[[float], None] = lambda seconds: None, planners: Planners = PLANNERS
+    ) -> OnItsFeet:
+        """What the first planner finds that stands to the end, or the one that stands longest."""
+        tried: list[OnItsFeet] = []
+        for planner in planners:
+            tried.append(self.search(seed, progress=progress, planner=planner))
+            if tried[-1].fell_s is None:
+                return tried[-1]
+        return max(tried, key=lambda one: len(one.motion))
 
     def plain(self) -> float | None:
         """The second at which the robot falls with the motion's targets alone, or None."""

@@ -58,7 +58,7 @@ def retarget(
 
     With --physical each motion is changed, by simulations on all cores, until the robot can do it on its own feet from
     the motion's first posture and speed, or the second is found at which it falls: 50 Hz, in --out without folders. It
-    takes about 6 s of processor time a second (G1).
+    takes about 7 s of processor time a second (G1), and where it falls, and is searched in another way, 6 s more.
 
     [bold]Examples[/]
 

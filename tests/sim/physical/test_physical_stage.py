@@ -14,7 +14,7 @@ from sim.models.joint_layout import JointLayout
 from sim.models.scenery import add_gantry, set_stage
 from sim.physical.course import KNOT, STEP, Batch, played
 from sim.physical.files import stood_files
-from sim.physical.search import Effort, Search
+from sim.physical.search import Effort, Sampling, Search
 from sim.physical.stage import RATE, PhysicalStage
 from sim.robots.joint_motion import JointMotion
 from sim.robots.robot import Robot
@@ -108,6 +108,14 @@ def test_the_search_stands_where_the_targets_alone_fall(stage, found):
     assert np.abs(found.motion.angles).max() > 0.3  # it still swings
 
 
+def test_samples_stand_too_and_are_the_same_again(stage):
+    found, again = (stage.search(planner=Sampling) for _ in range(2))
+    assert found.fell_s is None
+    assert 0.0 < found.pose_deg < 20.0
+    assert np.abs(found.motion.angles).max() > 0.3
+    assert np.array_equal(found.motion.qpos, again.motion.qpos)
+
+
 def test_what_it_found_is_what_the_targets_do(stage, found):
     course = stage.course
     start = np.concatenate([found.motion.qpos[0], course.states[0, 8:]])
@@ -131,12 +139,26 @@ def test_a_push_is_answered_from_where_the_robot_is(stage, found):
     assert (other.motion.qpos - found.motion.qpos)[knot + 1, 0] > 0.0001
 
 
-def test_without_a_plan_it_falls_as_with_the_targets_alone(stage):
-    class Still(Search):
-        def improve(self, state, now, ahead):
-            pass
+class Still(Search):
+    def improve(self, state, now, ahead):
+        pass
 
+
+def test_without_a_plan_it_falls_as_with_the_targets_alone(stage):
     assert stage.search(planner=Still).fell_s == pytest.approx(stage.plain(), abs=0.06)
+
+
+def test_the_first_planner_that_stands_is_taken_else_the_longest(stage, found):
+    class Leans(Search):
+        def improve(self, state, now, ahead):
+            self.offsets[:] = 1.5
+
+    first, second = (stage.search(planner=planner) for planner in (Still, Leans))
+    assert len(stage.best(planners=(Still, Search, None)).motion) == len(found.motion)
+    assert None not in (first.fell_s, second.fell_s)
+    assert len(first.motion) != len(second.motion)
+    longest = max(len(first.motion), len(second.motion))
+    assert {len(stage.best(planners=order).motion) for order in ((Still, Leans), (Leans, Still))} == {longest}
 
 
 def test_a_fall_ends_the_motion_at_its_second(hanging):
