@@ -11,8 +11,9 @@ from controller.motion.encodings.motion_matching import joint_features
 from controller.motion.rotations import Array
 from controller.networks.keys import FEWEST_KEYS, STEPS_PER_BIT, Keys, spline
 
-KEYS_EVERY = (2, 3, 4, 5, 6, 8, 10, 12, 15, 18, 22, 27, 33, 40)  # frames
+KEYS_EVERY = (1, 2, 3, 4, 5, 6, 8, 10, 12, 15, 18, 22, 27, 33, 40)  # frames
 COARSEST, FINEST = 2 * STEPS_PER_BIT, 13 * STEPS_PER_BIT  # steps of 2^-2 to 2^-13
+TINY = 1e-9  # of a ridge: a one-shot with a key a frame has two keys more than frames
 MISSED = 1.1  # times the fewest bytes so far, after which no fewer are looked for
 
 
@@ -23,16 +24,17 @@ def held_frames(frames: Array, *, loop: bool) -> int:
 
 
 def fitted_keys(frames: Array, every: int, *, loop: bool) -> Array:
-    """The keys of least squares of frames (T, C), one in so many frames, two at least, shape (K, C)."""
-    from scipy.sparse import csr_array  # what plays needs none of it
+    """The keys of least squares of frames (T, C), one in so many frames, shape (K, C)."""
+    from scipy.sparse import csr_array, eye_array  # what plays needs none of it
     from scipy.sparse.linalg import spsolve
 
     moving = frames[: len(frames) - held_frames(frames, loop=loop)]
-    count = max(FEWEST_KEYS, round(len(moving) / max(2, every)) + (0 if loop else 3))
+    count = max(FEWEST_KEYS, round(len(moving) / every) + (0 if loop else 2))
     near, weights = spline(len(moving), count, loop=loop)
     rows = np.repeat(np.arange(len(moving)), 4)
     design = csr_array((weights.ravel(), (rows, near.ravel())), shape=(len(moving), count))
-    return np.asarray(spsolve((design.T @ design).tocsc(), design.T @ moving))
+    squares = design.T @ design + TINY * eye_array(count)
+    return np.asarray(spsolve(squares.tocsc(), design.T @ moving))
 
 
 def error_mm(judge: Judge, motion: str, frames: Array) -> float:
