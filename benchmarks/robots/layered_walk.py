@@ -59,10 +59,10 @@ def walk(
     deck.layers = Layers(library, robot.joints, robot.limits, groups, robot.twin)
 
     def play(dt: float) -> tuple[Array, Pose]:
-        if layer.endswith(":live") and deck.time >= begins and deck.time % 0.02 < dt:
-            deck.set_input(layer.split(":")[0], 0.4 * float(np.sin(np.pi * (deck.time - begins))))
-        elif layer and deck.time <= begins < deck.time + dt:
-            group, one = layer.split(":")
+        group, _, one = layer.partition(":")
+        if one == "live" and deck.time >= begins and deck.time % 0.02 < dt:
+            deck.set_input(group, 0.4 * float(np.sin(np.pi * (deck.time - begins))))
+        elif one not in ("", "live") and deck.time <= begins < deck.time + dt:
             deck.layer(group, one)
         return deck.update(dt)
 
