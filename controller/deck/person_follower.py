@@ -44,9 +44,11 @@ class PersonFollower:
         self._scale = tall / height if height is not None else 1.0
         self._motions = motions
         own = [names.index(point) for point in points]
-        self._filter = PhaseFilter([body[:, own] for body in bodies], [motion.loop for motion in motions])
+        loops = [motion.loop for motion in motions]
+        self._filter = PhaseFilter([body[:, own] for body, _ in bodies], [heading for _, heading in bodies], loops)
         self._points = tuple(points)
         self._shown, self._other = -1, 0  # the motion that counts, and the steps for which another is sure
+        self._near: float | None = None  # the frame that is expected next
 
     def step(self, seen: Mapping[str, Sequence[float]]) -> tuple[str, float, float] | None:
         """Goes on by 1 / RATE s with points in the world, m, z up: the motion, phase and tempo, once they are known."""
@@ -57,21 +59,22 @@ class PersonFollower:
         sure = best.motion != self._shown and best.evidence >= SURE
         self._other = self._other + 1 if sure else 0
         if self._other >= FOR_STEPS:
-            self._shown = best.motion
+            self._shown, self._near = best.motion, None
         if self._shown < 0:
             return None
-        place, motion = self._filter.place(self._shown), self._motions[self._shown]
+        place, motion = self._filter.place(self._shown, self._near), self._motions[self._shown]
+        self._near = place.frame + place.tempo
         phase = place.frame / _steps(motion)
         return motion.name, phase % 1.0 if motion.loop else min(max(phase, 0.0), 1.0), place.tempo
 
 
-def body_course(library: MotionLibrary, motion: Motion) -> Array:
-    """The joints of a motion as it is played in the world, at RATE: (T, 1 + B, 3), m; of a loop three rounds."""
+def body_course(library: MotionLibrary, motion: Motion) -> tuple[Array, Array]:
+    """The joints of a motion in the world, at RATE: (T, 1 + B, 3), m, and its headings (T,); of a loop three rounds."""
     steps = _steps(motion)
     playing, dt = MotionGenerator(library, motion.name), _seconds(motion) / steps
     rows = [playing.step(dt if row else 0.0) for row in range(3 * steps if motion.loop else steps)]
     pose = walk_path(library.encoding.decode(np.array(rows)), dt)
-    return library.encoding.skeleton.joints(pose.root_position, pose.rotation)
+    return library.encoding.skeleton.joints(pose.root_position, pose.rotation), pose.heading
 
 
 def _seconds(motion: Motion) -> float:

@@ -11,7 +11,9 @@ of measured and expected points, each less its mean, and their heights h and g,
 
     e = sum |z|^2 + sum |q|^2 - 2 |sum conj(q) z| + sum (h - g)^2
 
-so it does not matter where the body stands and where it faces. Points that are not seen do not count.
+so it does not matter where the body stands and where it faces. Points that are not seen do not count. A person holds
+hands and head elsewhere than the body of the motions does: by how much, seen from the body, is a running mean over the
+time OWN of what is left in the likeliest state, and belongs to the q and g of all states.
 """
 
 from __future__ import annotations
@@ -32,6 +34,8 @@ TEMPOS: Array = np.array([-1.0, 0.0, 0.5, 1.0, 1.5, 2.0])
 DEVIATION = 0.05  # s, of a point of another person, m
 ALIKE = 1.5  # n
 NEW, CHANGE = 0.01, 0.15  # a step
+ABOUT, KEPT_FROM = 8, 0.2  # frames about the likeliest one that belong to it; its share of the likelihood
+OWN, MOST_OWN = 2.0, 0.08  # s, and m at most
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,28 +50,33 @@ class BodyPlace:
 
 
 class PhaseFilter:
-    """Follows K points of a body through courses (T, K, 3), m, at RATE; of a loop three rounds, (3 T, K, 3)."""
+    """Follows K points of a body through courses (T, K, 3), m, at RATE; of a loop three rounds, (3 T, K, 3).
 
-    def __init__(self, courses: Sequence[Array], loops: Sequence[bool]) -> None:
+    The headings (T,), rad, are those of the body in each frame of a course.
+    """
+
+    def __init__(self, courses: Sequence[Array], headings: Sequence[Array], loops: Sequence[bool]) -> None:
         lengths = [len(course) // (3 if loop else 1) for course, loop in zip(courses, loops, strict=True)]
         self._first = np.concatenate([[0], np.cumsum(lengths)])
         self._loops, frames, self._count = [*loops], int(self._first[-1]), courses[0].shape[1]
-        now = np.empty((frames, self._count, 3))
+        now, facing = np.empty((frames, self._count, 3)), np.empty(frames)
         past = np.empty((len(TEMPOS), frames, self._count, 3))
         self._from = np.empty((2, len(TEMPOS), frames), dtype=np.int64)  # the frames before; `frames` stands for none
         self._share = TEMPOS[:, None] - np.floor(TEMPOS)[:, None]
-        for first, long, course, loop in zip(self._first[:-1], lengths, courses, loops, strict=True):
+        for first, long, course, heading, loop in zip(self._first[:-1], lengths, courses, headings, loops, strict=True):
             own, here, start = slice(first, first + long), np.arange(long), long if loop else 0
-            now[own] = course[start : start + long]
+            now[own], facing[own] = course[start : start + long], heading[start : start + long]
             for v, tempo in enumerate(TEMPOS):
                 past[v, own] = _between(course, start + here - PAST * tempo)
                 for table, back in zip(self._from, (np.floor(tempo), np.floor(tempo) + 1.0), strict=True):
                     before = here - int(back)
                     inside = (before >= 0) & (before < long)
                     table[v, own] = first + before % long if loop else np.where(inside, first + before, frames)
-        centre = now.mean(1, keepdims=True) * np.array([1.0, 1.0, 0.0])
-        self._now = _Expected(now - centre)
-        self._past = _Expected((past - centre).reshape(-1, self._count, 3))
+        centre, turn = _plane(now).mean(1, keepdims=True), np.exp(-1j * facing)[:, None]
+        self._now = _Expected(turn * (_plane(now) - centre), now[..., 2])
+        self._past = _Expected(turn * (_plane(past) - centre), past[..., 2])
+        self._offset = np.zeros(self._count, dtype=complex)  # of the person's own points, and of their heights
+        self._offset_up = np.zeros(self._count)
         size = len(TEMPOS)
         self._keep = np.eye(size) * (1.0 - CHANGE) + CHANGE / size
         self._belief: Array = np.full((size, frames), 1.0 / (size * frames))
@@ -82,9 +91,10 @@ class PhaseFilter:
         belief *= (1.0 - NEW) / max(float(belief.sum()), 1e-300)
         belief += NEW / belief.size
         self._seen.append(np.array(measured, dtype=float))
-        error = self._errors()
-        if error is not None:
-            belief *= np.exp((error.min() - error) / (2.0 * DEVIATION**2 * ALIKE))
+        points = np.concatenate([self._seen[-1], self._seen[0] if len(self._seen) > PAST else measured * np.nan])
+        seen: Flags = np.isfinite(points.sum(axis=1))
+        if seen[: self._count].any():
+            self._weigh(belief, points, seen)
         self._belief = belief / belief.sum()
 
     @property
@@ -92,52 +102,76 @@ class PhaseFilter:
         """The probability of each motion."""
         return np.add.reduceat(self._belief.sum(0), self._first[:-1])
 
-    def place(self, motion: int | None = None) -> BodyPlace:
-        """The likeliest place, or that in a motion."""
+    def place(self, motion: int | None = None, near: float | None = None) -> BodyPlace:
+        """The likeliest place, or that in a motion; near a frame unless another is clearly likelier.
+
+        A loop of two strides looks alike twice a round.
+        """
         evidence = self.evidence
         best = int(evidence.argmax()) if motion is None else motion
         own = self._belief[:, self._first[best] : self._first[best + 1]]
-        frames, long = own.sum(0), own.shape[1]
-        top = int(frames.argmax())
-        near = np.arange(top - long // 2, top - long // 2 + long) if self._loops[best] else np.arange(long)
-        weight = frames[near % long] / max(frames.sum(), 1e-300)
-        middle = float(weight @ near)
-        deviation = float(np.sqrt(weight @ np.square(near - middle)))
-        return BodyPlace(
-            best, float(evidence[best]), middle, deviation, float(TEMPOS @ own.sum(1) / max(own.sum(), 1e-300))
-        )
+        long, mode = own.shape[1], "wrap" if self._loops[best] else "constant"
+        frames, around = np.pad(own.sum(0), ABOUT, mode=mode), np.arange(-ABOUT, ABOUT + 1)
+        mass = np.convolve(frames, np.ones(2 * ABOUT + 1), "valid")
+        top = int(mass.argmax())
+        if near is not None:
+            kept = round(near) % long if self._loops[best] else min(max(round(near), 0), long - 1)
+            top = kept if mass[kept] > KEPT_FROM * mass[top] else top
+        top += int(frames[top : top + 2 * ABOUT + 1].argmax()) - ABOUT
+        weight = np.pad(own.sum(0), 2 * ABOUT, mode=mode)[top + ABOUT : top + 3 * ABOUT + 1]
+        weight = weight / max(float(weight.sum()), 1e-300)
+        off = float(weight @ around)
+        deviation = float(np.sqrt(weight @ np.square(around - off)))
+        tempo = float(TEMPOS @ own.sum(1) / max(float(own.sum()), 1e-300))
+        return BodyPlace(best, float(evidence[best]), top + off, deviation, tempo)
 
-    def _errors(self) -> Array | None:
-        now = self._seen[-1]
-        points = np.concatenate([now, self._seen[0] if len(self._seen) > PAST else np.full_like(now, np.nan)])
-        seen: Flags = np.isfinite(points.sum(axis=1))
-        if not seen[: self._count].any():
-            return None
-        weight = seen.astype(float)
-        z, h = np.where(seen, points[:, 0] + 1j * points[:, 1], 0.0), np.where(seen, points[:, 2], 0.0)
+    def _weigh(self, belief: Array, points: Array, seen: Flags) -> None:
+        """Weighs the belief by the points now and before, (2 K, 3), and learns the person's own offsets."""
+        count, weight = self._count, seen.astype(float)
         total = weight.sum()
+        z, h = np.where(seen, _plane(points), 0.0), np.where(seen, points[:, 2] - np.tile(self._offset_up, 2), 0.0)
         z = np.where(seen, z - z.sum() / total, 0.0)
-        own = self._now.sums(weight[: self._count], z[: self._count], h[: self._count])
-        before = self._past.sums(weight[self._count :], z[self._count :], h[self._count :])
+        own = self._now.sums(weight[:count], z[:count], h[:count], self._offset)
+        before = self._past.sums(weight[count:], z[count:], h[count:], self._offset)
         mean, cross, square = (a + b.reshape(len(TEMPOS), -1) for a, b in zip(own, before, strict=True))
-        off_mean = (np.square(mean.real) + np.square(mean.imag)) / total
-        return square - off_mean - 2.0 * np.abs(cross) + float(np.square(np.abs(z)).sum() + np.square(h).sum())
+        error = square - (np.square(mean.real) + np.square(mean.imag)) / total - 2.0 * np.abs(cross)
+        belief *= np.exp((error.min() - error) / (2.0 * DEVIATION**2 * ALIKE))
+        best = np.unravel_index(belief.argmax(), belief.shape)
+        back = np.exp(-1j * np.angle(cross[best]))
+        flat, up = self._now.points(best[1])
+        gain = weight[:count] / (RATE * OWN)
+        left = back * z[:count] - (flat + self._offset - np.conj(mean[best]) / total)
+        self._offset += gain * left
+        self._offset *= np.minimum(1.0, MOST_OWN / np.maximum(np.abs(self._offset), 1e-9))
+        self._offset_up = (self._offset_up + gain * (h[:count] - up)).clip(-MOST_OWN, MOST_OWN)
 
 
 class _Expected:
-    """The expected points of states, (S, K, 3), m, ready to be compared with measured ones."""
+    """The expected points of states, x + i y of shape (..., K) and heights, m, to be compared with measured ones."""
 
-    def __init__(self, points: Array) -> None:
-        flat = points[..., 0] - 1j * points[..., 1]
-        self._flat = flat.astype(np.complex64)
-        square = np.square(np.abs(flat)) + np.square(points[..., 2])
-        self._real = np.concatenate([square, points[..., 2]], axis=1).astype(np.float32)
+    def __init__(self, flat: NDArray[np.complex128], up: Array) -> None:
+        count = flat.shape[-1]
+        self._flat, height = np.conj(flat).reshape(-1, count).astype(np.complex64), up.reshape(-1, count)
+        square = np.square(np.abs(self._flat)) + np.square(height)
+        self._real = np.concatenate([square, height], axis=1).astype(np.float32)
 
-    def sums(self, weight: Array, z: NDArray[np.complex128], height: Array) -> tuple[Any, Any, Any]:
-        """Of each state sum w conj(q), sum w conj(q) z and sum w (|q|^2 + g^2 - 2 g h), (S,)."""
-        both = self._flat @ np.column_stack([weight, weight * z]).astype(np.complex64)
+    def points(self, state: Any) -> tuple[Any, Any]:
+        """The points of a state and their heights, (K,)."""
+        return np.conj(self._flat[state]), self._real[state, self._flat.shape[1] :]
+
+    def sums(
+        self, weight: Array, z: NDArray[np.complex128], height: Array, offset: NDArray[np.complex128]
+    ) -> tuple[Any, Any, Any]:
+        """Of each state with its points offset sum w conj(q), sum w conj(q) z and sum w (|q|^2 + g^2 - 2 g h), (S,)."""
+        both = self._flat @ np.column_stack([weight, weight * z, weight * offset]).astype(np.complex64)
         real = self._real @ np.concatenate([weight, -2.0 * weight * height]).astype(np.float32)
-        return both[:, 0], both[:, 1], real
+        shift = weight * np.conj(offset)
+        square = real + 2.0 * both[:, 2].real + float(weight @ np.square(np.abs(offset)))
+        return both[:, 0] + shift.sum(), both[:, 1] + shift @ z, square
+
+
+def _plane(points: Array) -> NDArray[np.complex128]:
+    return points[..., 0] + 1j * points[..., 1]
 
 
 def _between(course: Array, place: Array) -> Array:

@@ -15,6 +15,7 @@ from motiondeck_base.shipped import find_library
 
 POINTS = ("head", "rhan", "lhan")
 RATE = 30.0
+HELD_UP = {"head": 0.0, "rhan": -0.1, "lhan": -0.1}  # m
 
 
 class Leader:
@@ -70,10 +71,10 @@ def test_motion_phase_and_tempo_are_found_within_half_a_second_of_noise_and_loss
 
 
 def test_after_a_jump_of_the_phase_and_a_silence_it_is_found_again_within_0_3_s(people):
-    follower, leader = PersonFollower(people, POINTS), Leader(people, "walk", phase=0.1)
+    follower, leader = PersonFollower(people, POINTS), Leader(people, "waltz", phase=0.1)
     for _ in range(30):
         follower.step(leader.points())
-    leader = Leader(people, "walk", phase=0.65)
+    leader = Leader(people, "waltz", phase=0.65)
     for _ in range(9):
         follower.step(leader.points())
     assert apart(follower.step(leader.points())[1], leader.phase) < 0.06
@@ -91,6 +92,17 @@ def test_a_person_of_another_height_is_followed_where_it_is_said(people):
         place = follower.step(points)
     assert place[0] == "walk"
     assert apart(place[1], leader.phase) < 0.06
+
+
+def test_the_hands_of_a_person_who_holds_them_otherwise_are_learned(people):
+    follower, leader = PersonFollower(people, POINTS), Leader(people, "waltz", steps=120)
+    missed = []
+    for _ in range(120):
+        points = leader.points()
+        held = {point: (x, y, z + HELD_UP[point]) for point, (x, y, z) in points.items()}
+        place = follower.step(held)
+        missed.append(apart(place[1], leader.phase) if place is not None and place[0] == "waltz" else 0.5)
+    assert np.mean(missed[60:]) < 0.02
 
 
 def test_an_unknown_point_a_wrong_height_and_a_network_without_phase_are_refused(people):
