@@ -6,6 +6,7 @@ import logging
 import sys
 import time
 from contextlib import ExitStack, closing
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -91,7 +92,7 @@ def stage(
             target = mapped.osc.target
             output = opened.enter_context(closing(OscOutput(*target))) if target is not None else None
             print(f"{path.name}: {_summary(mapped)}", flush=True)
-            Bridge(client, inputs, output, _print_reply, tell).run()
+            Bridge(client, inputs, output, partial(_print_reply, tell), tell).run()
         except MidiGoneError as error:
             client.request(Pause())
             raise MotiondeckError(f"{error}, so the deck was paused") from None
@@ -135,10 +136,13 @@ def _summary(mapped: StageMap) -> str:
     return ", ".join(parts)
 
 
-def _print_reply(source: str, command: DeckCommand, reply: Reply) -> None:
+def _print_reply(tell: Sparing, source: str, command: DeckCommand, reply: Reply) -> None:
     """Prints a command and its reply; of those that come again and again only what is refused."""
     from motiondeck.run.terminal import describe
 
     if isinstance(reply, Refused) or not isinstance(command, FollowPerson | Gaze | GiveBeat | SetTempo | SetInput):
         line = f"{source}: {command.row.word}: {describe(reply)}"
-        print(printable(line).replace("\n", r"\n"), flush=True)
+        if isinstance(command, FollowPerson):  # refused 30 times a second while the deck is stopped
+            tell(line)
+        else:
+            print(printable(line).replace("\n", r"\n"), flush=True)

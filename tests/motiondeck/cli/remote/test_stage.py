@@ -10,9 +10,9 @@ import pytest
 
 from command_line import motiondeck
 from controller.wire.command_socket import CommandServer
-from controller.wire.messages.commands import GetStatus, Pause, Subscribe, Switch
+from controller.wire.messages.commands import FollowPerson, GetStatus, Pause, Subscribe, Switch
 from controller.wire.messages.replies import Accepted, Event, Refused, State
-from motiondeck.cli.remote.stage import _print_reply
+from motiondeck.cli.remote.stage import Sparing, _print_reply
 
 mido = pytest.importorskip("mido")
 udp_client = pytest.importorskip("pythonosc.udp_client")
@@ -164,7 +164,16 @@ def test_without_a_deck_it_says_how_to_start_one(tmp_path):
 
 
 def test_what_a_message_carries_is_printed_on_one_line_without_control_characters(capsys):
-    _print_reply("/motion", Switch(to="wave"), Refused(reason="unknown motion 'wa\nve\x1b[31m\x07'"))
+    _print_reply(Sparing(), "/motion", Switch(to="wave"), Refused(reason="unknown motion 'wa\nve\x1b[31m\x07'"))
     out = capsys.readouterr().out
     assert out.count("\n") == 1
     assert out.strip().isprintable()
+
+
+def test_a_place_that_is_refused_again_and_again_is_told_once_a_second(capsys):
+    tell = Sparing()
+    for _ in range(30):
+        _print_reply(tell, "tracker", FollowPerson("walk", 0.3), Refused(reason="the emergency stop is on"))
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert said.err.count("the emergency stop is on") == 1
