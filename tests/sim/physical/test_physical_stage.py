@@ -108,6 +108,7 @@ def test_the_search_stands_where_the_targets_alone_fall(stage, found):
     assert np.abs(found.motion.angles).max() > 0.3  # it still swings
 
 
+@pytest.mark.thorough
 def test_samples_stand_too_and_are_the_same_again(stage):
     found, again = (stage.search(planner=Sampling) for _ in range(2))
     assert found.fell_s is None
