@@ -8,14 +8,11 @@ from typing import Literal, Protocol
 
 from motiondeck_base.errors import MotiondeckError
 
+# While ticks are moved onto another clock, a period is longer or shorter by at most so much of it. Shorter ones make
+# joints faster than their limits say by as much, so that is hardly more than clocks drift anyway.
 LATER, EARLIER = 0.01, 0.0005
-"""While ticks are moved onto another clock, a period is longer or shorter by at most so much of it. Shorter ones make
-joints faster than their limits say by as much, so that is hardly more than clocks drift anyway."""
-
 _SOONER = 0.1  # of a period by which ticks are at most moved forward; else they are moved back to the next one
-
-SPIN_NS = 200_000
-"""The last stretch before a deadline is spent reading the clock, because a sleep wakes up late by about as much."""
+SPIN_NS = 200_000  # before a deadline spent reading the clock, because a sleep wakes up late by about as much
 
 
 class RateError(MotiondeckError):

@@ -30,24 +30,12 @@ from controller.loop.safety.compiled_envelope import safety_envelope
 from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.motion.rotations import Array, Flags, Indices
 
-SPACING = 0.03
-"""Between the knots of a correction, s of the motion."""
-
-LARGEST = 0.15
-"""A correction is never larger, rad."""
-
-GAIN, SMOOTHING = 0.4, 0.3
-"""g and r: the share of an error that a round corrects, and of a correction's roughness that it takes away."""
-
-FADES = 0.3
-"""How long a correction takes to fade in or out, s."""
-
-DOUBT = 0.5
-"""An error counts if the joint was free for so long before and after it, s."""
-
-TOO_FAR = 0.2
-"""A joint that is farther off is not free, rad."""
-
+SPACING = 0.03  # between the knots of a correction, s of the motion
+LARGEST = 0.15  # a correction is never larger, rad
+GAIN, SMOOTHING = 0.4, 0.3  # g and r: the shares of an error, and of a correction's roughness, that a round takes away
+FADES = 0.3  # s in which a correction fades in or out
+DOUBT = 0.5  # an error counts if the joint was free for so long before and after it, s
+TOO_FAR = 0.2  # a joint that is farther off is not free, rad
 _STILL, _MOVES, _OVER = 0.25, 0.1, 0.15  # a shaft slower than a share of its target's speed; rad/s; averaged over s
 _OLDEST = 0.2  # s; older measurements are left out
 _BACK = 0.5  # of the rate at which jerk changes acceleration: how fast a refused goal comes back
@@ -56,8 +44,7 @@ _OCTAVE = math.log(1.25)  # between tempos that are learned apart
 _MOST = 256  # motions, at tempos of their own
 _JUMP = 0.05  # s of the motion: a phase that is farther from where it goes has jumped
 
-Key = tuple[str, int]
-"""A motion, and the class of its tempo."""
+Key = tuple[str, int]  # a motion, and the class of its tempo
 
 
 @dataclass(slots=True)

@@ -57,12 +57,11 @@ class StopRequest:
         return bool(self.reason)
 
 
-SIGNALS = {
+SIGNALS = {  # that end a run, and what is then given as the reason
     signal.SIGINT: "Ctrl-C was pressed",
     signal.SIGTERM: "stopped from outside (SIGTERM)",
     signal.SIGHUP: "the terminal was closed (SIGHUP)",
 }
-"""The signals that end a run, and what is then given as the reason."""
 
 
 @contextmanager

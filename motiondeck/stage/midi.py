@@ -10,9 +10,7 @@ from motiondeck.stage.stage_file import MidiMap, control_values
 from motiondeck.stage.timecode import TimecodeReader
 
 _FULL_FRAME = (0x7F, 0x01, 0x01)  # universal real time, timecode, full message; the second byte is a device
-
 PULSES = 24  # of a quarter note
-
 _PER_POSITION = 6  # pulses a unit of the song position, which is a sixteenth
 
 

@@ -24,50 +24,49 @@ if TYPE_CHECKING:
     from pythonosc.osc_packet import TimedMessage
 
 LOOPBACK = "127.0.0.1"
-
 LONGEST_AHEAD = 60.0  # the most that a bundle's time tag may be ahead, s; later ones are of another clock
-
 _MOST = 256  # datagrams read at once
 
 
-def loopback_socket(port: int, what: str, place: str) -> socket.socket:
-    """A socket for datagrams from this machine; MotiondeckError names the place in the stage file to choose another."""
-    opened = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-    opened.setblocking(False)
-    try:
-        opened.bind((LOOPBACK, port))
-    except OSError as error:
-        opened.close()
-        raise MotiondeckError(
-            f"{what} cannot listen on port {port} ({error.strerror}). Choose another: listen in {place}"
-        ) from None
-    return opened
+class LoopbackPort:
+    """A port for datagrams of this user's programs; MotiondeckError without python-osc, or if it cannot be had.
 
+    That error names the place in the stage file where another is chosen.
+    """
 
-def own_datagrams(opened: socket.socket, notify: Notify, what: str) -> Iterator[bytes]:
-    """What programs of this user have sent, at most _MOST datagrams; those of others are reported and left out."""
-    for _ in range(_MOST):
-        try:
-            data, sender = opened.recvfrom(65536)
-        except BlockingIOError:
-            return
-        owners = owners_of_datagrams(sender)
-        if owners and owners <= {0, os.geteuid()}:
-            yield data
-            continue
-        whose = "another user's program" if owners else "a program that has already closed its socket"
-        notify(f"{what} from {whose} was left out")
-
-
-class OscMessages:
-    """Reads OSC packets; MotiondeckError if python-osc is not installed."""
-
-    def __init__(self, notify: Notify) -> None:
+    def __init__(self, port: int, what: str, place: str, notify: Notify) -> None:
         _require_python_osc()
         self._notify = notify
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.setblocking(False)
+        try:
+            self._socket.bind((LOOPBACK, port))
+        except OSError as error:
+            self._socket.close()
+            raise MotiondeckError(
+                f"{what} cannot listen on port {port} ({error.strerror}). Choose another: listen in {place}"
+            ) from None
 
-    def read(self, data: bytes) -> list[TimedMessage]:
-        """The messages of a packet; one that is malformed is reported and has none."""
+    def fileno(self) -> int:
+        """The socket."""
+        return self._socket.fileno()
+
+    def datagrams(self, what: str) -> Iterator[bytes]:
+        """Those that have come, at most _MOST; of other users' programs they are reported and left out."""
+        for _ in range(_MOST):
+            try:
+                data, sender = self._socket.recvfrom(65536)
+            except BlockingIOError:
+                return
+            owners = owners_of_datagrams(sender)
+            if owners and owners <= {0, os.geteuid()}:
+                yield data
+                continue
+            whose = "another user's program" if owners else "a program that has already closed its socket"
+            self._notify(f"{what} from {whose} was left out")
+
+    def messages(self, data: bytes) -> list[TimedMessage]:
+        """The messages of an OSC packet; one that is malformed is reported and has none."""
         from pythonosc.osc_packet import OscPacket, ParseError
 
         try:
@@ -76,27 +75,25 @@ class OscMessages:
             self._notify(f"OSC that cannot be read was left out ({error})")
             return []
 
+    def close(self) -> None:
+        """Closes the socket; may be called twice."""
+        self._socket.close()
 
-class OscInput:
+
+class OscInput(LoopbackPort):
     """Commands from OSC messages to a port on loopback, by their address; what is refused here is passed to `notify`.
 
     A message in a bundle counts at the bundle's time, one with an address that nothing is mapped to not at all.
-    MotiondeckError if python-osc is not installed, or the port cannot be had.
     """
 
     def __init__(self, port: int, commands: Mapping[str, CommandPattern], notify: Notify) -> None:
-        self._commands, self._notify = commands, notify
-        self._osc = OscMessages(notify)
-        self._socket = loopback_socket(port, "OSC", "[osc]")
-
-    def fileno(self) -> int:
-        """The socket."""
-        return self._socket.fileno()
+        super().__init__(port, "OSC", "[osc]", notify)
+        self._commands = commands
 
     def read(self, now: float) -> Iterator[Signal]:
         """The commands that have arrived; malformed messages and those of other users are reported and left out."""
-        for data in own_datagrams(self._socket, self._notify, "OSC"):
-            for timed in self._osc.read(data):
+        for data in self.datagrams("OSC"):
+            for timed in self.messages(data):
                 yield from self._signals(timed, now)
 
     def _signals(self, timed: TimedMessage, now: float) -> Iterator[Signal]:
@@ -115,10 +112,6 @@ class OscInput:
             return
         if command is not None:
             yield Signal(now + ahead, address, command)
-
-    def close(self) -> None:
-        """Closes the socket; may be called twice."""
-        self._socket.close()
 
 
 class OscOutput:

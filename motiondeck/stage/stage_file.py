@@ -1,7 +1,8 @@
 """The stage file: OSC addresses, MIDI notes and times of a timecode that give commands, and trackers."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Annotated, TypeVar
 
@@ -16,6 +17,8 @@ from motiondeck_base.toml_file import read_toml
 
 Port = Annotated[int, msgspec.Meta(ge=1, le=65535)]
 Key = TypeVar("Key")
+_NOTE = "a note is a number from 0 to 127 (60 is the middle C)"
+_CONTROL = "a controller is a number from 0 to 119 (1 is the modulation wheel)"
 
 
 class _Osc(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -92,14 +95,16 @@ def read_stage(path: Path) -> StageMap:
     raw = read_toml(path, _StageFile)
     problems: list[str] = []
 
-    def patterns(place: str, table: Mapping[str, str], key: Callable[[str], Key]) -> dict[Key, CommandPattern]:
+    def patterns(
+        place: str, table: Mapping[str, str], key: Callable[[str], Key], values: Sequence[int] | None = None
+    ) -> dict[Key, CommandPattern]:
         found: dict[Key, CommandPattern] = {}
         for name, text in table.items():
             try:
                 pattern = found[key(name)] = CommandPattern(text)
-                if not pattern.complete and key not in (_address, _control):
+                if not pattern.complete and values is None:
                     raise ValueError(f"'{shortened(text)}': only OSC messages and controls have arguments")
-                for value in (0, 50, 127) if key is _control else ():
+                for value in values or ():
                     pattern.command(control_values(value))
             except (CommandError, ValueError) as error:
                 problems.append(f"'{shortened(name)}' in [{place}]: {error}")
@@ -114,7 +119,7 @@ def read_stage(path: Path) -> StageMap:
             problems.append(
                 f"send_to in [osc] is HOST:PORT, such as 127.0.0.1:9001, not '{shortened(raw.osc.send_to)}'"
             )
-    osc = OscMap(raw.osc.listen, target, patterns("osc.commands", raw.osc.commands, _address))
+    osc = OscMap(raw.osc.listen, target, patterns("osc.commands", raw.osc.commands, _address, ()))
     if osc.commands and osc.port is None:
         problems.append("commands in [osc] need a port on which they arrive, such as: listen = 9000")
     midi = None
@@ -123,8 +128,8 @@ def read_stage(path: Path) -> StageMap:
             raw.midi.input,
             raw.midi.channel - 1 if raw.midi.channel is not None else None,
             raw.midi.clock,
-            patterns("midi.notes", raw.midi.notes, _note),
-            patterns("midi.controls", raw.midi.controls, _control),
+            patterns("midi.notes", raw.midi.notes, partial(_number, 128, _NOTE)),
+            patterns("midi.controls", raw.midi.controls, partial(_number, 120, _CONTROL), (0, 50, 127)),
             patterns("midi.timecode", raw.midi.timecode, Timecode.parse),
         )
     if midi is None and raw.tracker is None and raw.osc == _Osc():
@@ -145,13 +150,7 @@ def control_values(value: int) -> tuple[float, float]:
     return value / 127.0, max(-1.0, (value - 64) / 63.0)
 
 
-def _control(name: str) -> int:
-    if not (name.isdecimal() and int(name) < 120):
-        raise ValueError("a controller is a number from 0 to 119 (1 is the modulation wheel)")
-    return int(name)
-
-
-def _note(name: str) -> int:
-    if not (name.isdecimal() and int(name) < 128):
-        raise ValueError("a note is a number from 0 to 127 (60 is the middle C)")
+def _number(below: int, allowed: str, name: str) -> int:
+    if not (name.isdecimal() and int(name) < below):
+        raise ValueError(allowed)
     return int(name)

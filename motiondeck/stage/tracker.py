@@ -16,7 +16,7 @@ from controller.deck.phase_filter import RATE
 from controller.motion.rotations import Array, multiply, rotate
 from controller.wire.messages.commands import FollowPerson, LockPhase
 from motiondeck.stage.command_pattern import Notify, Signal
-from motiondeck.stage.osc import OscMessages, loopback_socket, own_datagrams
+from motiondeck.stage.osc import LoopbackPort
 
 SEEN_FOR = 0.1  # s for which a point counts after it was seen
 MOST_STEPS = 15  # of a silence; the filter has forgotten by then
@@ -25,51 +25,32 @@ _DEVICES = {"/VMC/Ext/Tra/Pos", "/VMC/Ext/Hmd/Pos", "/VMC/Ext/Con/Pos"}
 _ARM = ("Shoulder", "UpperArm", "LowerArm", "Hand"), ("", "sho", "elb", "wri")
 _LEG = ("UpperLeg", "LowerLeg", "Foot", "Toes"), ("hip", "kne", "ank", "foo")
 _TRUNK = ("Hips", "Spine", "Chest", "UpperChest", "Neck", "Head"), ("root", "", "", "", "", "head")
-
-
-def _bones() -> Iterator[tuple[str, str, str]]:
-    for before, bone, point in zip(("", *_TRUNK[0]), *_TRUNK, strict=False):
-        yield bone, before, point
-    for side in ("Left", "Right"):
-        for (bones, points), first in ((_ARM, "UpperChest"), (_LEG, "Hips")):
-            for before, bone, point in zip((first, *bones), bones, points, strict=False):
-                yield (
-                    side + bone,
-                    before if before == first else side + before,
-                    side[0].lower() + point if point else "",
-                )
-
-
-_PARENT = {bone: before for bone, before, _ in _bones()}
-_POINT = {bone: point for bone, _, point in _bones() if point}
+_SIDES = [(side, *limb) for side in ("Left", "Right") for limb in (("UpperChest", *_ARM), ("Hips", *_LEG))]
+_PARENT, _POINT = dict[str, str](), dict[str, str]()  # of each bone the one above, and the point where it begins
+for _side, _first, _bones, _points in (("", "", *_TRUNK), *_SIDES):
+    _names = [_side + bone for bone in _bones]
+    _PARENT |= zip(_names, [_first, *_names], strict=False)
+    _POINT |= {name: _side[:1].lower() + point for name, point in zip(_names, _points, strict=True) if point}
 
 
 class _Datagram(msgspec.Struct, forbid_unknown_fields=True):
     points: dict[str, tuple[float, float, float]]
 
 
-class TrackerInput:
-    """What a person does, as commands to follow them; devices have the names of points in `names`.
-
-    MotiondeckError if python-osc is not installed, or the port cannot be had.
-    """
+class TrackerInput(LoopbackPort):
+    """What a person does, as commands to follow them; devices have the names of points in `names`."""
 
     def __init__(self, port: int, follower: PersonFollower, names: Mapping[str, str], notify: Notify) -> None:
-        self._follower, self._names, self._notify = follower, names, notify
-        self._osc = OscMessages(notify)
-        self._socket = loopback_socket(port, "trackers", "[tracker]")
+        super().__init__(port, "trackers", "[tracker]", notify)
+        self._follower, self._names = follower, names
         self._json = msgspec.json.Decoder(_Datagram)
         self._points: dict[str, tuple[float, Sequence[float]]] = {}  # when each was seen, and where, m, z up
         self._bones: dict[str, tuple[Array, Array]] = {}  # place and rotation of each in its parent, by Unity's axes
         self._at: float | None = None  # until when the filter has gone
 
-    def fileno(self) -> int:
-        """The socket."""
-        return self._socket.fileno()
-
     def read(self, now: float) -> Iterator[Signal]:
         """The person's place in a motion, after what has arrived; the first time also the lock to them."""
-        for data in own_datagrams(self._socket, self._notify, "tracker data"):
+        for data in self.datagrams("tracker data"):
             self._take(data, now)
         if self._at is None:
             self._at = now - 1.0 / RATE
@@ -97,7 +78,7 @@ class TrackerInput:
                 self._points[name] = now, place
             return
         bones = False
-        for timed in self._osc.read(data):
+        for timed in self.messages(data):
             address, values = timed.message.address, timed.message.params
             if address not in _DEVICES and address != "/VMC/Ext/Bone/Pos":
                 continue
@@ -124,10 +105,6 @@ class TrackerInput:
             return place, rotation
         to, turn = self._placed(above)
         return to + rotate(turn, place), multiply(turn, rotation)
-
-    def close(self) -> None:
-        """Closes the socket; may be called twice."""
-        self._socket.close()
 
 
 def _ours(place: Array) -> tuple[float, float, float]:

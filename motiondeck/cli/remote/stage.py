@@ -24,7 +24,6 @@ from motiondeck_base.shipped import find_library, find_stage
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from controller.wire.command_socket import CommandClient
     from motiondeck.stage.bridge import Input
     from motiondeck.stage.stage_file import StageMap
 
@@ -75,7 +74,8 @@ def stage(
         opened.callback(logging.disable, logging.NOTSET)
         opened.enter_context(closing(client))
         try:
-            _check_motions(mapped, path, client)
+            motions = state_of(client).motions
+            _check_motions(mapped, path, motions)
             inputs: list[Input] = []
             if mapped.osc.port is not None:
                 inputs.append(opened.enter_context(closing(OscInput(mapped.osc.port, mapped.osc.commands, tell))))
@@ -84,11 +84,11 @@ def stage(
                 inputs.append(opened.enter_context(closing(MidiInput(port, mapped.midi))))
             if (tracker := mapped.tracker) is not None:
                 library = load_library(find_library(tracker.library))
-                _require_same_motions(library.network.motions, path, client)
+                if unknown := ", ".join(motion for motion in library.network.motions if motion not in motions):
+                    raise FileFormatError(f"{path}: library in [tracker] has motions that the deck lacks: {unknown}.")
                 follower = PersonFollower(library, tracker.points, tracker.height)
-                inputs.append(
-                    opened.enter_context(closing(TrackerInput(tracker.listen, follower, tracker.names, tell)))
-                )
+                heard = TrackerInput(tracker.listen, follower, tracker.names, tell)
+                inputs.append(opened.enter_context(closing(heard)))
             target = mapped.osc.target
             output = opened.enter_context(closing(OscOutput(*target))) if target is not None else None
             print(f"{path.name}: {_summary(mapped)}", flush=True)
@@ -100,23 +100,15 @@ def stage(
             sys.exit(130)
 
 
-def _check_motions(mapped: StageMap, path: Path, client: CommandClient) -> None:
-
-    state = state_of(client)
+def _check_motions(mapped: StageMap, path: Path, motions: Sequence[str]) -> None:
     named = {motion: pattern for pattern in mapped.patterns for motion in pattern.motions}
     problems = [
-        f"'{pattern.text}': {UnknownNameError.among('motion', motion, state.motions)}"
+        f"'{pattern.text}': {UnknownNameError.among('motion', motion, motions)}"
         for motion, pattern in named.items()
-        if motion not in state.motions
+        if motion not in motions
     ]
     if problems:
         raise FileFormatError.listing(str(path), problems)
-
-
-def _require_same_motions(motions: Sequence[str], path: Path, client: CommandClient) -> None:
-    unknown = [motion for motion in motions if motion not in state_of(client).motions]
-    if unknown:
-        raise FileFormatError(f"{path}: library in [tracker] has motions that the deck lacks: {', '.join(unknown)}.")
 
 
 def _summary(mapped: StageMap) -> str:
