@@ -16,7 +16,7 @@ from collections import Counter
 from collections.abc import Iterable
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, Literal, NamedTuple, Self
+from typing import Any, Literal, NamedTuple, Self, get_args
 
 LimbPart = Literal["hip", "thigh", "shank", "foot", "clavicle", "upper arm", "forearm", "hand"]
 Part = Literal["pelvis", "trunk", "neck", "head", "toes"] | LimbPart
@@ -76,24 +76,12 @@ _FOLLOWS: dict[Part, tuple[Part, ...]] = {
     "forearm": ("forearm", "hand"),
 }
 
-_THESIS: dict[str, NamedPart] = {
-    "back": NamedPart("trunk", "middle"),
-    "neck": NamedPart("trunk", "middle"),
-    "head": NamedPart("head", "middle"),
-}
+_THESIS = dict.fromkeys(("back", "neck"), NamedPart("trunk", "middle")) | {"head": NamedPart("head", "middle")}
 # Suffixes of the thesis's bones on either side, and their parts.
-THESIS_LIMBS: tuple[tuple[str, LimbPart], ...] = (
-    ("hip", "hip"),
-    ("kne", "thigh"),
-    ("ank", "shank"),
-    ("foo", "foot"),
-    ("sho", "clavicle"),
-    ("elb", "upper arm"),
-    ("wri", "forearm"),
-    ("han", "hand"),
+THESIS_LIMBS: tuple[tuple[str, LimbPart], ...] = tuple(
+    zip(("hip", "kne", "ank", "foo", "sho", "elb", "wri", "han"), get_args(LimbPart), strict=True)
 )
-_THESIS |= {"l" + end: NamedPart(part, "left") for end, part in THESIS_LIMBS}
-_THESIS |= {"r" + end: NamedPart(part, "right") for end, part in THESIS_LIMBS}
+_THESIS |= {side[0] + end: NamedPart(part, side) for side in SIDES for end, part in THESIS_LIMBS}
 # Sides written together with a part, the longest first: "links" before "l".
 _AFFIXES: list[tuple[str, Side]] = [(word, "left") for word in sorted(_LEFT, key=len, reverse=True)]
 _AFFIXES.extend((word, "right") for word in sorted(_RIGHT, key=len, reverse=True))

@@ -3,7 +3,7 @@
 import numpy as np
 
 from controller.motion.anatomy import SIDES, named_anatomy
-from controller.motion.bone_names import named_parts
+from controller.motion.bone_names import THESIS_LIMBS, named_parts
 from controller.motion.canonical.canonical_body import CANONICAL_BONES, NO_LENGTH, Landmarks, landmarks_of, to_canonical
 from controller.motion.clip import Clip
 from controller.motion.rotations import Array, dot, normalise, rotate
@@ -148,8 +148,7 @@ def _sizes(own: Clip, recorded: Skeleton, marks: Landmarks) -> list[str]:
     return found
 
 
-_NAMES = {"hip": "hip", "kne": "thigh", "ank": "shank", "foo": "foot"}
-_NAMES |= {"sho": "shoulder", "elb": "upper arm", "wri": "forearm", "han": "hand"}
+_NAMES = dict[str, str](THESIS_LIMBS) | {"sho": "shoulder"}
 
 
 def _called(bone: str) -> str:

@@ -68,50 +68,10 @@ def _values(path: str | Path, skeleton: AcclaimSkeleton, columns: Columns) -> tu
     for text in lines:
         if ":" in text and text.lstrip().startswith(":"):
             declared = _ANGLE_UNITS.get(text.partition("#")[0].split()[0].lower(), declared)
-    values = _all_at_once(lines, columns)
-    if values is None:
-        values = _line_by_line(path, lines, skeleton, columns)
+    values = _line_by_line(path, lines, skeleton, columns)
     if not np.isfinite(values).all():
         _raise_infinite(path, lines, columns)
     return values, declared
-
-
-def _all_at_once(lines: list[str], columns: Columns) -> Array | None:
-    """The values of a file with the same lines in every frame, as recorders write it; None for any other."""
-    first = next((number for number, text in enumerate(lines) if text.strip() and text.lstrip()[0] not in "#:"), 0)
-    lines = [text for text in lines[first:] if text]
-    per_frame = next((number for number, text in enumerate(lines) if number and text.isdecimal()), len(lines))
-    names = [text.partition(" ")[0] for text in lines[1:per_frame]]
-    if not (names and lines[0].isdecimal() and len(lines[0]) < 10 and columns.keys() >= set(names)):
-        return None
-    order = [channel for name in names for channel in range(columns[name].start, columns[name].stop)]
-    if sorted(order) != list(range(max(span.stop for span in columns.values()))):
-        return None
-    # The words of a frame: its number, then each bone with as many values as it has channels; no file has a \0.
-    row = ["", "\0"]
-    for name in names:
-        row += [name, *[""] * (columns[name].stop - columns[name].start), "\0"]
-    fixed = [place for place, word in enumerate(row) if word]
-    _, *free = (place for place, word in enumerate(row) if not word)
-    frames, start = -(-len(lines) // per_frame), int(lines[0])
-    values = np.empty((frames, len(order)))
-    for frame in range(0, frames, 1000):  # words take ten times the memory of numbers
-        block = values[frame : frame + 1000]
-        text = " \0 ".join(lines[frame * per_frame : (frame + len(block)) * per_frame]) + " \0"
-        words = np.array(text.split(), dtype=object)
-        if len(words) != len(block) * len(row):
-            return None
-        words = words.reshape(len(block), len(row))
-        numbers = [str(number) for number in range(start + frame, start + frame + len(block))]
-        if words[:, 0].tolist() != numbers or not (words[:, fixed] == np.array(row, dtype=object)[fixed]).all():
-            return None
-        try:
-            block[:, order] = words[:, free].astype(np.float64)
-        except ValueError:
-            return None
-        if text.count("_") != len(block) * "".join(names).count("_"):
-            return None
-    return values
 
 
 def _line_by_line(path: str | Path, lines: list[str], skeleton: AcclaimSkeleton, columns: Columns) -> Array:

@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from controller.motion.bone_names import named_parts
+from controller.motion.bone_names import THESIS_LIMBS, named_parts
 from controller.motion.clip import Clip, Markers, bridged
 from controller.motion.formats.markers.skin_markers import marks_pelvis
 from controller.motion.orientation import orient
@@ -26,11 +26,8 @@ ON_HANDS = -0.5  # mean cosine between legs and arms, below which the body stand
 HAND, HEAD, FOOT = 0.3, 0.9, 0.4  # over forearm, shoulder width and shank, if no point is known there
 
 _USUAL = {"back": "Spine", "neck": "Chest", "head": "Head", "pelvis": "Pelvis"}
-for _end, _part in zip(
-    ("hip", "kne", "ank", "foo", "sho", "elb", "wri", "han"),
-    ("Hip", "UpLeg", "Leg", "Foot", "Shoulder", "Arm", "ForeArm", "Hand"),
-    strict=True,
-):
+_LIMBS = ("Hip", "UpLeg", "Leg", "Foot", "Shoulder", "Arm", "ForeArm", "Hand")
+for (_end, _), _part in zip(THESIS_LIMBS, _LIMBS, strict=True):
     _USUAL |= {"l" + _end: "Left" + _part, "r" + _end: "Right" + _part}
 # The canonical joint in which a named part starts; toes and fingers are points on them.
 _LIMB_STARTS = {
