@@ -288,11 +288,8 @@ def recipe_text(recipe: LibraryRecipe, folder: Path | None = None) -> str:
         lines.append(f"{_toml_line('licence', recipe.licence)}  # on what terms may the recordings be passed on?")
     lines += ["", "[network]", *(_toml_line(key, value) for key, value in network.items() if value is not None)]
     for motion in motions:
-        lines += [
-            "",
-            "[[motions]]",
-            *(_toml_line(key, value) for key, value in motion.items() if value not in (None, False, {}, (), [])),
-        ]
+        given = {key: value for key, value in motion.items() if value not in (None, False, {}, (), [])}
+        lines += ["", "[[motions]]", *(_toml_line(key, value) for key, value in given.items())]
     return "\n".join(lines) + "\n"
 
 

@@ -76,20 +76,12 @@ def analyse_recording(
         upper_body=RESTS in found[0].decisions,
         takes=tuple(str(take.absolute()) for take in takes),
     )
-    return [
-        AnalysedRecording(
-            name,
-            msgspec.structs.replace(
-                motion,
-                name=numbered(name, number) if len(found) > 1 else name,
-                plays="loop" if take.loop else "once",
-                frames=take.frames,
-            ),
-            recording.clip,
-            take,
-        )
-        for number, take in enumerate(found, 1)
-    ]
+    analysed: list[AnalysedRecording] = []
+    for number, take in enumerate(found, 1):
+        own = numbered(name, number) if len(found) > 1 else name
+        plan = msgspec.structs.replace(motion, name=own, plays="loop" if take.loop else "once", frames=take.frames)
+        analysed.append(AnalysedRecording(name, plan, recording.clip, take))
+    return analysed
 
 
 def numbered(name: str, number: int) -> str:

@@ -222,13 +222,8 @@ def to_learn(
         return hold_end(channels, encoding.velocities, rate), part
     features = joint_features(encoding, channels)
     seam = best_seam(in_place(features), rate, at_least=loop_keeps)
-    part = LearnedPart(
-        begin + seam.start / rate,
-        begin + seam.end / rate,
-        recorded,
-        own.skeleton,
-        *seam_error(encoding, channels, features, (seam.start, seam.end)),
-    )
+    off = seam_error(encoding, channels, features, (seam.start, seam.end))
+    part = LearnedPart(begin + seam.start / rate, begin + seam.end / rate, recorded, own.skeleton, *off)
     loop = close_loop(channels, seam, encoding.velocities, rate)
     return pinned(encoding, loop, channels, seam, rate), part
 

@@ -37,3 +37,11 @@ def ridge(states: Array, targets: Array, regulariser: float) -> Array:
         raise MotiondeckError(
             f"states that do not differ enough for a regulariser of {regulariser:g}; give a larger one"
         ) from None
+
+
+def affine_ridge(states: Array, targets: Array, regulariser: float, weight: Array | None = None) -> Array:
+    """(W, w) with targets ~ W states + w by weighted ridge regression, w not regularised, shape (C, N + 1)."""
+    centre, middle = (np.average(a, axis=0, weights=weight) for a in (states, targets))
+    root = 1.0 if weight is None else np.sqrt(weight)[:, None]
+    weights = ridge(root * (states - centre), root * (targets - middle), regulariser)
+    return np.column_stack([weights, middle - weights @ centre])

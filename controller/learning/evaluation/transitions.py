@@ -75,8 +75,7 @@ def all_crossings(
         )
     judge = syllabus.judge(holds=holds)
     peaks = {name: _own_peaks(syllabus, frames, syllabus.loops[name]) for name, frames in syllabus.frames.items()}
-    recorded = replace(library, network=ClipPlayer(syllabus.frames, syllabus.loops))
-    tasks = (delayed(_from)(source, library, recorded, syllabus, judge, peaks) for source in syllabus.frames)
+    tasks = (delayed(_from)(source, library, syllabus, judge, peaks) for source in syllabus.frames)
     found: list[MeasuredTransition] = []
     for crossings in spread(tasks, jobs, ordered=True):
         found += crossings
@@ -85,15 +84,10 @@ def all_crossings(
 
 
 def _from(
-    source: str,
-    library: MotionLibrary,
-    recorded: MotionLibrary,
-    syllabus: TrainingSet,
-    judge: Judge,
-    peaks: dict[str, Array],
+    source: str, library: MotionLibrary, syllabus: TrainingSet, judge: Judge, peaks: dict[str, Array]
 ) -> list[MeasuredTransition]:
-    crossings = []
-    motions = list(syllabus.frames)
+    crossings, motions = [], list(syllabus.frames)
+    recorded = replace(library, network=ClipPlayer(syllabus.frames, syllabus.loops))
     # The thesis morphs within a reservoir that runs by itself.
     methods = METHODS if library.network.as_autonomous is not None else METHODS[1:]
     with threadpool_limits(1):
@@ -110,7 +104,7 @@ def _from(
                     run, start, end = _morphed(library, source, target, begin, after)
                 else:
                     run, start, end = _switched(played, source, target, begin, after, JOININGS.get(method))
-                crossings.append(_measured(source, target, method, run, start, end, judge, peaks, library.info.rate))
+                crossings.append(_measured(source, target, method, run, start, end, judge, peaks))
     return crossings
 
 
@@ -165,15 +159,7 @@ def _channels(library: MotionLibrary, postures: list[Posture]) -> Array:
 
 
 def _measured(
-    source: str,
-    target: str,
-    method: str,
-    run: Array,
-    start: int,
-    end: int,
-    judge: Judge,
-    peaks: dict[str, Array],
-    rate: float,
+    source: str, target: str, method: str, run: Array, start: int, end: int, judge: Judge, peaks: dict[str, Array]
 ) -> MeasuredTransition:
     if not np.isfinite(run).all():
         return MeasuredTransition(source, target, method, end - start, inf, inf, inf, inf, True, "the network ran away")
@@ -182,7 +168,7 @@ def _measured(
     vectors = run[:, FIRST_BONE : FIRST_BONE + 3 * len(skeleton)].reshape(len(run), -1, 3)
     joints = skeleton.chain @ (vectors * skeleton.length[:, None])
     seen = 1e3 * np.concatenate([joints.reshape(len(run), -1), run[:, [HEIGHT]]], axis=1)
-    seen = _unturned(seen, run[:, TURN_RATE], rate)
+    seen = _unturned(seen, run[:, TURN_RATE], judge.rate)
     ratios = _peaks(seen[max(0, start - 3) : end + AFTER]) / np.maximum(peaks[source], peaks[target])
     length = np.linalg.norm(vectors[start:end], axis=-1)
     reason = _failure(target, run[end:], judge)

@@ -182,13 +182,8 @@ def save_recognizer(recognizer: Recognizer, path: Path, licence: str = "") -> No
         sources=list(recognizer.sources),
         licence=licence,
     )
-    arrays: dict[str, Array] = {
-        "weights": bank.reservoir.weights,
-        "input_weights": bank.reservoir.input_weights,
-        "bias": bank.reservoir.bias,
-    }
-    for name in ("xx", "xy", "yy", "count"):
-        arrays[name] = np.array([getattr(of, name) for of in bank.moments])
+    arrays: dict[str, Array] = {name: getattr(bank.reservoir, name) for name in ("weights", "input_weights", "bias")}
+    arrays |= {name: np.array([getattr(of, name) for of in bank.moments]) for name in ("xx", "xy", "yy", "count")}
     if recognizer.models is not None:
         arrays |= {"model_weights": recognizer.models.weights, "model_offset": recognizer.models.offset}
     write_arrays(path, KIND, info, arrays)

@@ -9,8 +9,6 @@ of the free-running network is least in between (Jaeger 2014, section 3.8.5). It
 a disturbance, so every choice is tested: run free, started from noise, and disturbed.
 """
 
-from collections.abc import Callable
-
 import numpy as np
 
 from controller.learning.measures.disturbance import Kind, failures
@@ -43,43 +41,29 @@ def settled_network(
     """The network of a loaded reservoir, and the failed trials of each motion if the recipe chooses apertures."""
     # A motion that fails a trial gets the first aperture with which it passes all, else that with the fewest failures.
     # Then all are cut to the rank that the recipe's tolerance allows, if it has one, and tested again.
-    network, failed = conceptor_network(loaded, lessons, recipe), {}
+    network = conceptor_network(loaded, lessons, recipe)
+    failed: dict[str, int] = {}
     weights = loaded.weights.astype(np.float32)
 
     def failures_of(network: ConceptorNetwork, motion: TrainingMotion) -> int:
         return failures(network, motion.name, LOOP if motion.loop else (), judge, seed, weights)
 
-    if recipe.choose_apertures:
-        network, failed = _tried(network, loaded, lessons, recipe, failures_of)
+    for motion, states in zip(lessons.motions, loaded.states, strict=True) if recipe.choose_apertures else ():
+        name, fewest = motion.name, failures_of(network, motion)
+        for aperture in [] if name in recipe.apertures or fewest == 0 else by_attenuation(states, loaded, recipe):
+            part = conceptor_motion(states, loaded, lessons.normalisation, recipe, aperture)
+            tried = network.with_motions({name: part})
+            if (failing := failures_of(tried, motion)) < fewest:
+                fewest, network = failing, tried
+            if fewest == 0:
+                break
+        failed[name] = fewest
     if recipe.rank_tolerance_mm is not None:
         network = cut_to_tolerance(network, judge.encoding, recipe.rank_tolerance_mm)
         if failed:
             # The trials were those of the uncut conceptors.
             failed = {motion.name: failures_of(network, motion) for motion in lessons.motions}
     return network, failed
-
-
-def _tried(
-    network: ConceptorNetwork,
-    loaded: LoadedReservoir,
-    lessons: Lessons,
-    recipe: ConceptorRecipe,
-    failures_of: Callable[[ConceptorNetwork, TrainingMotion], int],
-) -> tuple[ConceptorNetwork, dict[str, int]]:
-    motions = {name: network[name] for name in network.motions}
-    left: dict[str, int] = {}
-    for motion, states in zip(lessons.motions, loaded.states, strict=True):
-        fewest = failures_of(network, motion)
-        named = motion.name in recipe.apertures
-        for aperture in [] if named or fewest == 0 else by_attenuation(states, loaded, recipe):
-            part = conceptor_motion(states, loaded, lessons.normalisation, recipe, aperture)
-            failed = failures_of(ConceptorNetwork({motion.name: part}), motion)
-            if failed < fewest:
-                fewest, motions[motion.name] = failed, part
-            if fewest == 0:
-                break
-        left[motion.name] = fewest
-    return network.with_motions(motions), left
 
 
 def by_attenuation(states: Array, loaded: LoadedReservoir, recipe: ConceptorRecipe) -> list[float]:

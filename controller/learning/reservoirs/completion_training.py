@@ -8,7 +8,7 @@ import numpy as np
 from controller.motion.rotations import Array
 from controller.networks.reservoirs.completion import Completion
 from controller.networks.reservoirs.reservoir import drive, random_reservoir
-from controller.networks.ridge import ridge
+from controller.networks.ridge import affine_ridge
 from controller.networks.signals import number_within, sampling_rate, time_series, whole_number
 from motiondeck_base.errors import MotiondeckError
 
@@ -68,8 +68,5 @@ def learn_completion(
     signals = [(part - mean) / deviation for part in given]
     driven = drive(reservoir, [np.concatenate([np.repeat(one[:1], settling, axis=0), one]) for one in signals])
     states, targets = np.concatenate([one[settling:] for one in driven]), np.concatenate(wanted)
-    centre, middle = states.mean(0), targets.mean(0)
     gamma = number_within(recipe.ridge, "ridge", 0.0, 1e9) * len(states)
-    weights = ridge(states - centre, targets - middle, gamma)
-    readout = np.column_stack([weights, middle - weights @ centre])
-    return Completion(reservoir, mean, deviation, readout, hertz, settling)
+    return Completion(reservoir, mean, deviation, affine_ridge(states, targets, gamma), hertz, settling)

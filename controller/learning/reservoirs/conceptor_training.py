@@ -56,21 +56,16 @@ class LoadedReservoir:
     states: list[Array]  # states after it
 
 
-def draw_reservoir(recipe: ConceptorRecipe, channels: int, seed: int) -> Reservoir:
-    """W*, W_in and b of a seed."""
-    return random_reservoir(
+def load_reservoir(to_learn: Sequence[TrainingMotion], recipe: ConceptorRecipe, seed: int) -> LoadedReservoir:
+    """Drives a random reservoir with all motions and learns W and W_out (eqs 3.8 and 3.11 - 3.13)."""
+    reservoir = random_reservoir(
         recipe.neurons,
-        channels,
+        to_learn[0].frames.shape[1],
         spectral_radius=recipe.spectral_radius,
         input_scale=recipe.input_scale,
         bias_scale=recipe.bias_scale,
         rng=np.random.default_rng(seed),
     )
-
-
-def load_reservoir(to_learn: Sequence[TrainingMotion], recipe: ConceptorRecipe, seed: int) -> LoadedReservoir:
-    """Drives a random reservoir with all motions and learns W and W_out (eqs 3.8 and 3.11 - 3.13)."""
-    reservoir = draw_reservoir(recipe, to_learn[0].frames.shape[1], seed)
     driven = drive(reservoir, [np.concatenate([motion.lead_in(recipe.washout), motion.frames]) for motion in to_learn])
     states = [x[len(x) - len(motion.frames) :] for motion, x in zip(to_learn, driven, strict=True)]
     before = [x[len(x) - len(motion.frames) - 1 : -1] for motion, x in zip(to_learn, driven, strict=True)]
@@ -78,9 +73,8 @@ def load_reservoir(to_learn: Sequence[TrainingMotion], recipe: ConceptorRecipe, 
     readout = ridge(np.concatenate(states), inputs, recipe.ridge)
     if recipe.learns == "weights":
         weights = ridge(was, input_targets(reservoir, was, inputs), recipe.ridge)
-        return LoadedReservoir(reservoir, weights, readout, before, states)
-    estimate = ridge(was, inputs, recipe.ridge)
-    weights = reservoir.weights + reservoir.input_weights @ estimate
+    else:
+        weights = reservoir.weights + reservoir.input_weights @ ridge(was, inputs, recipe.ridge)
     return LoadedReservoir(reservoir, weights, readout, before, states)
 
 

@@ -83,14 +83,10 @@ def _noisy_runs(
     wanted: list[tuple[int, Array]] = []
     for j, motion in enumerate(to_learn):
         first = len(forced[j]) - len(motion.frames)
-        for _ in range(recipe.drives):
-            signals.append(forced[j][first:])
-            starts.append(quiet[j][first - 1])
-            wanted.append((j, motion.frames))
-        for _ in range(0 if motion.loop else recipe.wrong_starts):
-            signals.append(forced[j][first:][:LOST_FOR])
-            starts.append(rng.uniform(-1.0, 1.0, len(driven)))
-            wanted.append((j, motion.frames[:LOST_FOR]))
+        lost = 0 if motion.loop else recipe.wrong_starts
+        signals += [forced[j][first:]] * recipe.drives + [forced[j][first:][:LOST_FOR]] * lost
+        starts += [quiet[j][first - 1]] * recipe.drives + [*rng.uniform(-1.0, 1.0, (lost, len(driven)))]
+        wanted += [(j, motion.frames)] * recipe.drives + [(j, motion.frames[:LOST_FOR])] * lost
     noisy = [signal + recipe.teacher_noise * rng.standard_normal(signal.shape) for signal in signals]
     states = drive(driven, noisy, state_noise=recipe.state_noise, starts=np.stack(starts), rng=rng)
     runs: list[list[tuple[Floats, Array]]] = [[] for _ in to_learn]
@@ -124,17 +120,10 @@ class EchoStateTrainer(Trainer[EchoStateRecipe]):
             bias_scale=recipe.bias_scale,
             rng=rng,
             leak=recipe.leak,
-        )
+        ).single()
         motions = learn_readouts(reservoir, to_learn, recipe, rng)
-        return EchoStateNetwork(
-            reservoir.weights.astype(np.float32),
-            reservoir.input_weights.astype(np.float32),
-            reservoir.bias.astype(np.float32),
-            recipe.leak,
-            lessons.normalisation,
-            motions,
-            clipped=recipe.clipped,
-        )
+        shared = reservoir.weights, reservoir.input_weights, reservoir.bias, reservoir.leak, lessons.normalisation
+        return EchoStateNetwork(*shared, motions, clipped=recipe.clipped)
 
     def settle(self, recipe: EchoStateRecipe, lessons: Lessons, seed: int, judge: Judge) -> SettledNetwork:
         """The network of a recipe and the number of failed trials of each motion, if it chooses the noise."""

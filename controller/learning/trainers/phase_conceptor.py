@@ -17,12 +17,12 @@ import numpy as np
 
 from controller.learning.preparation.training_motion import TrainingMotion
 from controller.learning.reservoirs.conceptor_training import principal_directions
-from controller.learning.trainers.phase_driven import MotionByMotionTrainer, PhaseDrivenRecipe, course_of
+from controller.learning.trainers.phase_driven import PhaseDrivenRecipe, PhaseDrivenTrainer, course_of
 from controller.motion.rotations import Array, Indices
 from controller.networks.phase_conceptor.network import PhaseConceptorMotion, PhaseConceptorNetwork, StoredPieces
 from controller.networks.reservoirs.phase_reservoir import Float32, PhaseCourse, PhaseReservoir, PhaseScales
-from controller.networks.reservoirs.readout_learning import affine_ridge
 from controller.networks.reservoirs.reservoir import Reservoir, drive
+from controller.networks.ridge import affine_ridge
 
 # Overlap of pieces on either side of a seam, and washout of the reservoir, s.
 OVERLAP_SECONDS = 0.2
@@ -104,17 +104,12 @@ def piece_lessons(
 
 
 def _driven_states(
-    motion: TrainingMotion,
-    course: PhaseCourse,
-    reservoir: PhaseReservoir,
-    washout: int,
-    overlap: int,
-    level: float = 0.0,
+    one: TrainingMotion, course: PhaseCourse, reservoir: PhaseReservoir, washout: int, overlap: int, level: float = 0.0
 ) -> tuple[Array, int]:
     """The states of the driven reservoir, and the index of the motion's first frame."""
-    channels, phase = [motion.lead_in(washout), motion.frames], [course.before(washout), course.phase]
-    if motion.loop:
-        channels.append(motion.frames[:overlap])
+    channels, phase = [one.lead_in(washout), one.frames], [course.before(washout), course.phase]
+    if one.loop:
+        channels.append(one.frames[:overlap])
         phase.append(course.phase[:overlap])
     inputs = np.hstack([reservoir.input_weights, reservoir.phase_weights])
     bias = reservoir.bias + level * reservoir.drive_weights.sum(1)
@@ -144,10 +139,10 @@ def _learn_piece(lesson: PieceLesson, recipe: PhaseRecipe, sums: RidgeSums | Non
         sums.add(lesson.before, lesson.inputs)
         return piece
     estimate = affine_ridge((lesson.before - mean) @ piece.basis[0].astype(np.float64), lesson.inputs, recipe.ridge)
-    return replace(piece, estimate=estimate.astype(np.float16)[None])
+    return replace(piece, estimate=estimate.astype(np.float32).astype(np.float16)[None])
 
 
-class PhaseConceptorTrainer(MotionByMotionTrainer[PhaseRecipe]):
+class PhaseConceptorTrainer(PhaseDrivenTrainer[PhaseRecipe]):
     """Trains phase-driven conceptors."""
 
     recipe = PhaseRecipe

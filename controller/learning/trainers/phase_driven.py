@@ -11,6 +11,7 @@ from typing import Any, ClassVar, TypeVar
 import msgspec
 import numpy as np
 
+from controller.learning.key_fitting import held_frames
 from controller.learning.measures.self_test import Judge, self_test
 from controller.learning.preparation.training_motion import Lessons, TrainingMotion
 from controller.learning.trainers.trainer import NewMotion, Trainer, mabs
@@ -62,8 +63,7 @@ def course_of(motion: TrainingMotion, piece_frames: float) -> PhaseCourse:
     if motion.driving is not None:
         return PhaseCourse.of(frames, 1, loop=True)
     if not motion.loop:
-        moving = np.flatnonzero((np.diff(motion.frames, axis=0) != 0.0).any(1))
-        held = frames - 2 - int(moving.max(initial=0))
+        held = held_frames(motion.frames, loop=False)
         return PhaseCourse.of(frames, max(1, round((frames - held) / piece_frames)), loop=False, held=held)
     # A loop of half turns closes after an even number of them.
     pieces = 2 * round(0.5 * frames / piece_frames)
@@ -75,17 +75,15 @@ def settled_lesson(unread: PhaseMotion, motion: TrainingMotion) -> tuple[Float32
 
     The frames, (T, C), are normalised.
     """
-    frames, piece = motion.frames, unread.course.piece
     if (driving := motion.driving) is not None:
         states = np.concatenate([unread.settled_at(driving.level(variant.value)) for variant in motion.variants])
         frames = np.concatenate([variant.frames for variant in motion.variants])
-        piece = np.tile(piece, len(motion.variants))
-        return states, frames, piece
-    return settled_frames(unread, frames)
+        return states, frames, np.tile(unread.course.piece, len(motion.variants))
+    return settled_frames(unread, motion.frames)
 
 
 class PhaseDrivenTrainer(Trainer[Recipe]):
-    """Trains networks that a phase drives."""
+    """Trains networks that a phase drives: each motion for itself, its readouts from the settled states."""
 
     center_driven = takes_inputs = True
     least_range = 1.0
@@ -114,10 +112,6 @@ class PhaseDrivenTrainer(Trainer[Recipe]):
         parts = [network[name].readout[:, :, :-1] for name in network.motions]
         return float(np.mean([mabs(readout * scaling[:, None]) for readout in parts]))
 
-
-class MotionByMotionTrainer(PhaseDrivenTrainer[Recipe]):
-    """Learns each motion for itself, its readouts from the settled states of the network."""
-
     @abstractmethod
     def unread(self, recipe: Recipe, motion: TrainingMotion, reservoir: PhaseReservoir, rate: float) -> PhaseMotion:
         """One motion in a reservoir, before its readouts are learned; `rate` in Hz."""
@@ -136,11 +130,14 @@ class MotionByMotionTrainer(PhaseDrivenTrainer[Recipe]):
         return unread.reading_with(learn_readouts(states, piece, normalisation.invert(frames), recipe.ridge))
 
     def train(self, recipe: Recipe, lessons: Lessons, seed: int) -> PhaseDrivenNetwork[Any]:
-        to_learn, normalisation = lessons.motions, lessons.normalisation
-        scales = recipe.scales(driven=any(one.driving is not None for one in to_learn))
-        reservoir = PhaseReservoir.draw(scales, to_learn[0].frames.shape[1], seed)
-        motions = {one.name: self.learn(recipe, one, reservoir, normalisation, lessons.rate) for one in to_learn}
-        return self.plays(scales, seed, normalisation, motions)
+        scales = recipe.scales(driven=any(one.driving is not None for one in lessons.motions))
+        reservoir = PhaseReservoir.draw(scales, lessons.motions[0].frames.shape[1], seed)
+        return self.plays(scales, seed, lessons.normalisation, self.learn_all(recipe, lessons, reservoir))
+
+    def learn_all(self, recipe: Recipe, lessons: Lessons, reservoir: PhaseReservoir) -> dict[str, Any]:
+        """All motions by name, in a reservoir."""
+        rate, to = lessons.rate, lessons.normalisation
+        return {one.name: self.learn(recipe, one, reservoir, to, rate) for one in lessons.motions}
 
     def add(self, recipe: Recipe, network: PhaseDrivenNetwork[Any], motion: NewMotion) -> PhaseDrivenNetwork[Any]:
         one = motion.scaled(network.normalisation)

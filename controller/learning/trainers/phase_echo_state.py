@@ -15,7 +15,7 @@ from controller.learning.measures.self_test import Judge
 from controller.learning.preparation.training_motion import Lessons, TrainingMotion
 from controller.learning.trainers.clip import TRAINER as CLIPS
 from controller.learning.trainers.clip import ClipRecipe
-from controller.learning.trainers.phase_driven import MotionByMotionTrainer, PhaseDrivenRecipe, course_of
+from controller.learning.trainers.phase_driven import PhaseDrivenRecipe, PhaseDrivenTrainer, course_of
 from controller.learning.trainers.trainer import NewMotion, SettledNetwork
 from controller.motion.rotations import Array
 from controller.networks.phase_echo_state.network import (
@@ -40,7 +40,7 @@ class PhaseEchoStateRecipe(PhaseDrivenRecipe, frozen=True, kw_only=True, tag="ph
     drive_scale: float = 0.2  # with 1 a motion between two values overshoots by a fifth
 
 
-class PhaseEchoStateTrainer(MotionByMotionTrainer[PhaseEchoStateRecipe]):
+class PhaseEchoStateTrainer(PhaseDrivenTrainer[PhaseEchoStateRecipe]):
     """Trains phase-driven echo-state networks."""
 
     recipe = PhaseEchoStateRecipe
@@ -56,12 +56,7 @@ class PhaseEchoStateTrainer(MotionByMotionTrainer[PhaseEchoStateRecipe]):
         return PhaseEchoStateMotion(stored, course, reservoir, motion.driving)
 
     def sized(
-        self,
-        recipe: PhaseEchoStateRecipe,
-        lessons: Lessons,
-        seed: int,
-        judge: Judge,
-        progress: Callable[[str], None],
+        self, recipe: PhaseEchoStateRecipe, lessons: Lessons, seed: int, judge: Judge, progress: Callable[[str], None]
     ) -> PhaseEchoStateRecipe:
         """The recipe with the fewest neurons that play what the keys of a clip within the tolerance draw."""
         if (tolerance := recipe.tolerance_mm) is None:

@@ -44,10 +44,8 @@ class SharedConceptorTrainer(PhaseConceptorTrainer):
         for neurons, rank in ((300, 40), (400, 48), (550, 56), (750, 65), (1000, 75), (1400, 90))
     )
 
-    def train(self, recipe: Any, lessons: Lessons, seed: int) -> SharedConceptorNetwork:
+    def learn_all(self, recipe: Any, lessons: Lessons, reservoir: PhaseReservoir) -> dict[str, Any]:
         channels = lessons.motions[0].frames.shape[1]
-        scales = recipe.scales(driven=any(one.driving is not None for one in lessons.motions))
-        reservoir = PhaseReservoir.draw(scales, channels, seed)
         sums = RidgeSums(recipe.neurons, channels)
         unread = [self.unread(recipe, motion, reservoir, lessons.rate, sums) for motion in lessons.motions]
         estimate = sums.solve(recipe.ridge).astype(np.float16)
@@ -64,8 +62,7 @@ class SharedConceptorTrainer(PhaseConceptorTrainer):
                     sums.add(mean + states[piece == one] @ basis.T.astype(np.float64), frames[piece == one])
             readout = sums.solve(recipe.ridge)
             parts = [part.sharing("readout", readout) for part in parts]
-        motions = {motion.name: part for part, motion in zip(parts, lessons.motions, strict=True)}
-        return SharedConceptorNetwork(scales, seed, lessons.normalisation, motions)
+        return {motion.name: part for part, (_, motion) in zip(parts, learned, strict=True)}
 
     def add(self, recipe: Any, network: Any, motion: NewMotion) -> SharedConceptorNetwork:
         """One conceptor more with the V of all; it is read in its own directions, and in pieces as others are then."""

@@ -22,7 +22,7 @@ import numpy as np
 from controller.motion.rotations import Array
 from controller.networks.base import Channels
 from controller.networks.phase_conceptor.network import PhaseConceptorMotion, PhaseConceptorNetwork
-from controller.networks.ridge import ridge
+from controller.networks.ridge import affine_ridge
 from motiondeck_base.errors import MotiondeckError
 
 RANK = 40  # directions of each motion
@@ -71,14 +71,15 @@ class PhaseMorph:
         basis, _ = np.linalg.qr(np.hstack([*spans, (means[1] - means[0])[:, None]]))
         seen = [one @ basis for one in states]
         following = [network.normalisation.apply(np.roll(one, -1, axis=0)) for one in channels]
-        estimate, constant = _affine(np.concatenate(seen), np.concatenate(following))
-        self._readout, self._rest = _affine(np.concatenate(seen), np.concatenate(channels))
+        estimate, self._readout = (
+            affine_ridge(np.concatenate(seen), np.concatenate(targets), RIDGE) for targets in (following, channels)
+        )
         centred = [one - one.mean(0) for one in seen]
         self._correlations = [one.T @ one / network.neurons for one in centred]
         self._means = means @ basis
         self._project = np.ascontiguousarray(basis.T)
-        self._recurrent = reservoir.weights @ basis + reservoir.input_weights @ estimate
-        inputs = self._means @ estimate.T + constant
+        self._recurrent = reservoir.weights @ basis + reservoir.input_weights @ estimate[:, :-1]
+        inputs = self._means @ estimate[:, :-1].T + estimate[:, -1]
         self._bias = means @ reservoir.weights.T + inputs @ reservoir.input_weights.T + reservoir.bias
         self._share, self._z = 0.0, np.zeros(basis.shape[1])
         self._knots = [self._knot(mu) for mu in knots]
@@ -116,7 +117,7 @@ class PhaseMorph:
         for _ in range(SETTLING_ROUNDS * frames):
             self._step(mu, conceptor)
         began = self._share
-        played = np.empty((frames, len(self._rest)))
+        played = np.empty((frames, len(self._readout)))
         for frame in played:
             self._step(mu, conceptor)
             frame[:] = self._read(mu)
@@ -138,7 +139,8 @@ class PhaseMorph:
         self._z = conceptor @ (self._project @ np.tanh(hidden) - shares @ self._means)
 
     def _read(self, mu: float) -> Array:
-        return self._readout @ (self._z + (1.0 - mu) * self._means[0] + mu * self._means[1]) + self._rest
+        state = self._z + (1.0 - mu) * self._means[0] + mu * self._means[1]
+        return self._readout[:, :-1] @ state + self._readout[:, -1]
 
 
 def _settled(motion: PhaseConceptorMotion) -> tuple[Array, Channels]:
@@ -165,10 +167,3 @@ def channels_at(motion: PhaseConceptorMotion, share: Array) -> Channels:
 def _activity(channels: Channels) -> Array:
     """Root mean square change of channels (T, C) from frame to frame, shape (C,)."""
     return np.sqrt(np.square(np.diff(channels, axis=0)).mean(0))
-
-
-def _affine(states: Array, targets: Array) -> tuple[Array, Array]:
-    """W (C, q) and w (C,) with targets ~ W states + w, the constant free."""
-    centre, middle = states.mean(0), targets.mean(0)
-    weights = ridge(states - centre, targets - middle, RIDGE)
-    return weights, middle - weights @ centre

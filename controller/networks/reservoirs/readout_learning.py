@@ -5,7 +5,7 @@ import numpy as np
 from controller.motion.rotations import Array, Indices
 from controller.networks.reservoirs.phase_driven import PhaseMotion
 from controller.networks.reservoirs.phase_reservoir import Float32
-from controller.networks.ridge import ridge
+from controller.networks.ridge import affine_ridge
 
 # Frames on either side of a seam and their weight for a readout, so that both pieces meet there.
 SEAM_FRAMES, SEAM_WEIGHT = 3, 100.0
@@ -34,12 +34,4 @@ def learn_readouts(states: Float32, piece: Indices, frames: Array, regulariser: 
         weight[own[:SEAM_FRAMES]] = weight[own[-SEAM_FRAMES:]] = SEAM_WEIGHT
     found = [affine_ridge(states[own].astype(np.float64), frames[own], regulariser, weight[own]) for own in pieces]
     # In the memory layout of a loaded network, which then plays bit by bit the same.
-    return np.ascontiguousarray(np.stack(found))
-
-
-def affine_ridge(states: Array, targets: Array, regulariser: float, weight: Array | None = None) -> Float32:
-    """(W, w) with targets ~ W states + w by weighted ridge regression, w not regularised, shape (C, k + 1)."""
-    centre, middle = (np.average(a, axis=0, weights=weight) for a in (states, targets))
-    root = 1.0 if weight is None else np.sqrt(weight)[:, None]
-    weights = ridge(root * (states - centre), root * (targets - middle), regulariser)
-    return np.column_stack([weights, middle - weights @ centre]).astype(np.float32)
+    return np.ascontiguousarray(np.stack(found), dtype=np.float32)
