@@ -17,6 +17,7 @@ from benchmarks.recognition.methods import Prepare, Scorer, learned_by_class
 from controller.learning.recognition.experts import (
     SMALLEST_ERROR,
     ExpertRecipe,
+    ModelSpace,
     Moments,
     expert_reservoir,
     force,
@@ -24,7 +25,6 @@ from controller.learning.recognition.experts import (
     readout,
     total,
 )
-from controller.learning.recognition.model_space import fit_model_space
 from controller.motion.rotations import Array, Indices
 
 NEURONS, GROUPS = 200, 8
@@ -69,7 +69,7 @@ def with_model_space(recipe: ExpertRecipe) -> Prepare:
             costs, own = experts(learn, ask), experts(learn, learn)
             learned = np.unique(labels[learn])
             numbers = np.searchsorted(learned, labels[learn])
-            space = fit_model_space([clips[i] for i in learn], numbers.tolist(), own[:, learned], recipe)
+            space = ModelSpace.fit([clips[i] for i in learn], numbers.tolist(), own[:, learned], recipe)
             costs[:, learned] -= space.votes([clips[i] for i in ask], recipe)
             return costs
 

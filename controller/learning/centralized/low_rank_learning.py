@@ -109,61 +109,45 @@ def learn_low_rank(
         raise MotiondeckError("nothing moves: there is no curve to learn")
     channels, independent = target.shape[1], independent or len(target)
     with threadpool_limits(1):
-        left, size, _ = np.linalg.svd(target, full_matrices=False)
+        left, size, directions = np.linalg.svd(target, full_matrices=False)
         best = rank_frequencies(starts, left[:, :MOST_CURVES] * size[:MOST_CURVES], time, most)[:KEPT]
-        found = [
-            _learn_at(f, price, target, time, most, parameters, independent, iterations, move_frequencies)
-            for f in best
-            for price in WEIGHT_PRICES
-        ]
+    curves = min(MOST_CURVES, int((size > 1e-9 * size[0]).sum()))
+    scores, energy = left[:, :curves] * size[:curves], np.square(size[:curves])
+    by_channel = np.square(size[:curves, None] * directions[:curves]).T
+    thin = max(1, len(target) // max(300, 3 * most))
+
+    def learned_at(frequency: Array, weight_price: float) -> LowRankNetwork:
+        phase = np.zeros(len(frequency))
+        states = pairs_at(frequency, phase, time)[::thin]
+        ranked, explained = rank_satellites(states, scores[::thin], min(most, len(states) - 1), SHARPER)
+        explained = explained * energy / np.maximum(np.square(scores[::thin]).sum(0), 1e-300)
+        plans = _path(by_channel, energy, explained, float(np.square(size).sum()), weight_price)
+        plan = _chosen(plans, len(frequency), target.shape, parameters, independent)
+        m = int(plan.used.max())
+        start = LearnedSatellites(frequency, phase, GaussianSatellites(ranked.places[:m], ranked.sharpness[:m]), 0.0)
+        # The weight of a curve is the norm of its kept shares.
+        shares = np.where(plan.kept, directions[plan.curves].T, 0.0)
+        wanted = scores[:, plan.curves] * np.linalg.norm(shares, axis=0)
+
+        def read_out(response: Array, curves: Array) -> Array:
+            return nested_readout(response, curves, plan.used)
+
+        moved = learn_jointly(start, wanted, time, iterations, move_frequencies=move_frequencies, read_out=read_out)
+        response = moved.respond(time)
+        # Rounded as stored, curves first: the shares then compensate.
+        curves_of = read_out(response, wanted).astype(np.float32).astype(np.float64)
+        shares = _shares(response @ curves_of.T, target, plan.kept).astype(np.float32).astype(np.float64)
+        weights = LowRankWeights(shares, curves_of)
+        off = float(np.square(target - response @ weights.matrix.T).sum() / np.square(target).sum())
+        return LowRankNetwork(LearnedSatellites(moved.frequency, moved.phase, moved.satellites, off), weights)
+
+    with threadpool_limits(1):
+        found = [learned_at(frequency, price) for frequency in best for price in WEIGHT_PRICES]
     if parameters is not None:
         return min(found, key=lambda network: network.satellites.error)
     whole, seen = float(np.square(target).sum()), independent * channels
     scale = seen / target.size
     return min(found, key=lambda one: aicc(one.satellites.error * whole * scale, seen, one.numbers + channels))
-
-
-def _learn_at(
-    frequency: Array,
-    weight_price: float,
-    target: Array,
-    time: Array,
-    most: int,
-    parameters: int | None,
-    independent: int,
-    iterations: int,
-    move_frequencies: bool,
-) -> LowRankNetwork:
-    left, size, directions = np.linalg.svd(target, full_matrices=False)
-    curves = min(MOST_CURVES, int((size > 1e-9 * size[0]).sum()))
-    scores, energy = left[:, :curves] * size[:curves], np.square(size[:curves])
-    phase = np.zeros(len(frequency))
-    thin = max(1, len(target) // max(300, 3 * most))
-    states = pairs_at(frequency, phase, time)
-    most = min(most, len(states[::thin]) - 1)
-    ranked, explained = rank_satellites(states[::thin], scores[::thin], most, SHARPER)
-    explained = explained * energy / np.maximum(np.square(scores[::thin]).sum(0), 1e-300)
-    by_channel = np.square(size[:curves, None] * directions[:curves]).T
-    plans = _path(by_channel, energy, explained, float(np.square(size).sum()), weight_price)
-    plan = _chosen(plans, len(frequency), target.shape, parameters, independent)
-
-    m = int(plan.used.max())
-    start = LearnedSatellites(frequency, phase, GaussianSatellites(ranked.places[:m], ranked.sharpness[:m]), 0.0)
-    # The weight of a curve is the norm of its kept shares.
-    shares = np.where(plan.kept, directions[plan.curves].T, 0.0)
-    wanted = scores[:, plan.curves] * np.linalg.norm(shares, axis=0)
-
-    def read_out(response: Array, curves: Array) -> Array:
-        return nested_readout(response, curves, plan.used)
-
-    moved = learn_jointly(start, wanted, time, iterations, move_frequencies=move_frequencies, read_out=read_out)
-    response = moved.respond(time)
-    # Rounded as stored, curves first: the shares then compensate.
-    curves_of = read_out(response, wanted).astype(np.float32).astype(np.float64)
-    shares = _shares(response @ curves_of.T, target, plan.kept).astype(np.float32).astype(np.float64)
-    weights = LowRankWeights(shares, curves_of)
-    off = float(np.square(target - response @ weights.matrix.T).sum() / np.square(target).sum())
-    return LowRankNetwork(LearnedSatellites(moved.frequency, moved.phase, moved.satellites, off), weights)
 
 
 def _path(by_channel: Array, energy: Array, explained: Array, whole: float, weight_price: float) -> list[_Plan]:

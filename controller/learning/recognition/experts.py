@@ -22,6 +22,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, reduce
 from operator import add
+from typing import Self
 
 import msgspec
 import numpy as np
@@ -37,6 +38,7 @@ COMMITTEE_DOUBT = 0.1
 STRETCHES = (0.5, 0.7, 1.0, 1.4, 2.0)  # relative durations in the training
 STRETCHED_LEAK = 1.0  # neurons without a time constant suit motions learned at several durations
 WASHOUT_SHARE = 3  # the washout is at most a third of a clip
+MODEL_RIDGE = 0.1  # relative to the mean diagonal of the clips' Gram matrix
 
 
 class ExpertRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
@@ -216,6 +218,10 @@ class ExpertBank:
         """Signals (T_j, C) forced through the reservoir."""
         return force(self.reservoir, signals, self.recipe.washout)
 
+    def moments_of(self, signals: list[Array]) -> list[Moments]:
+        """The moments of each signal (T_j, C), forced through the reservoir."""
+        return [moments(forced) for forced in self.force(signals)]
+
     def costs(self, signals: list[Array]) -> Array:
         """The centred log error of each expert on each signal, shape (signals, M); the least names the class."""
         return log_errors(self.readouts, self.force(signals), self.together) - self.centre
@@ -240,3 +246,44 @@ def margins(costs: Array) -> Array:
         return np.zeros(len(costs))
     two = np.partition(costs, 1, axis=1)[:, :2]
     return two[:, 1] - two[:, 0]
+
+
+@dataclass(frozen=True, eq=False)
+class ModelSpace:
+    """A linear classifier of readouts with G C N / G = D numbers into M classes; its votes have the unit of a cost.
+
+    A clip is represented by the readouts that predict it best (reservoir model space: Bianchi, Scardapane, Løkse and
+    Jenssen, IEEE Trans. Neural Netw. Learn. Syst. 32, 2021). What separates the classes of the training there is
+    learned from all of them together, which experts, each of one class, do not do.
+    """
+
+    weights: Array  # shape (M, D)
+    offset: Array  # shape (M,)
+
+    @classmethod
+    def fit(cls, clips: Sequence[Moments], labels: Sequence[int], costs: Array, recipe: ExpertRecipe) -> Self:
+        """The classifier of training clips with labels 0 to M - 1 and the experts' costs of them, shape (clips, M).
+
+        Its votes on the training clips spread as far as the costs do, so both count alike.
+        """
+        points = _points(clips, recipe).astype(np.float32)  # 80 kB a clip and duration
+        middle = points.mean(0)
+        points -= middle
+        gram = (points @ points.T).astype(np.float64)
+        aims = np.eye(costs.shape[1])[list(labels)]
+        aims -= aims.mean(0)
+        aims -= aims.mean(1, keepdims=True)
+        gain = np.linalg.solve(
+            gram + np.eye(len(gram)) * max(MODEL_RIDGE * float(np.trace(gram)) / len(gram), 1e-12), aims
+        )
+        gain *= (costs - costs.mean(1, keepdims=True)).std() / max(float((gram @ gain).std()), 1e-12)
+        weights = (points.T @ gain).T.astype(np.float32)
+        return cls(weights, -(weights @ middle.astype(np.float64)))
+
+    def votes(self, clips: Sequence[Moments], recipe: ExpertRecipe) -> Array:
+        """How like each class each clip is, less the mean over classes, shape (clips, M)."""
+        return _points(clips, recipe) @ self.weights.T + self.offset
+
+
+def _points(clips: Sequence[Moments], recipe: ExpertRecipe) -> Array:
+    return np.array([group_readouts(of, recipe).ravel() for of in clips])

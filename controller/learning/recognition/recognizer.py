@@ -7,7 +7,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from controller.learning.recognition.experts import ExpertBank, ExpertRecipe, Moments, margins, moments, teach
+from controller.learning.recognition.experts import ExpertBank, ExpertRecipe, ModelSpace, Moments, margins, teach
 from controller.learning.recognition.features import (
     POSITION_UNIT,
     VELOCITY_UNIT,
@@ -17,7 +17,6 @@ from controller.learning.recognition.features import (
     still_features,
 )
 from controller.learning.recognition.labelled_recordings import Dataset, inner_folds
-from controller.learning.recognition.model_space import ModelSpace, fit_model_space
 from controller.learning.recognition.online_recognizer import FrameTimes, OnlineRecognizer
 from controller.motion.clip import Clip
 from controller.motion.rotations import Array
@@ -71,7 +70,7 @@ class Recognizer:
         errors = self.bank.costs([signal])[0]
         if self.models is None:
             return self.verdict(errors, errors)
-        return self.verdict(errors, errors - self.models.votes(clip_moments(self.bank, [signal]), self.bank.recipe)[0])
+        return self.verdict(errors, errors - self.models.votes(self.bank.moments_of([signal]), self.bank.recipe)[0])
 
     def features(self, clip: Clip) -> Array:
         """The features of a clip, shape (T, C), T >= 2; errors as `recognize`."""
@@ -88,11 +87,6 @@ class Recognizer:
         named = dict(zip(self.bank.classes, costs.tolist(), strict=True))
         known = float(self.bank.confidences(errors[None])[0]) >= self.threshold
         return RecognitionVerdict(self.bank.classes[int(costs.argmin())], known, float(margins(costs[None])[0]), named)
-
-
-def clip_moments(bank: ExpertBank, signals: list[Array]) -> list[Moments]:
-    """The moments of each signal (T_j, C), forced through a bank's reservoir."""
-    return [moments(forced) for forced in bank.force(signals)]
 
 
 def train_recognizer(
@@ -122,7 +116,7 @@ def train_recognizer(
     sources = tuple(example.path.name for example in dataset.examples)
     every = [signal for own in signals for signal in own]
     labels = np.repeat(dataset.labels, len(stretches)).tolist()
-    models = fit_model_space(clip_moments(bank, every), labels, bank.costs(every), experts)
+    models = ModelSpace.fit(bank.moments_of(every), labels, bank.costs(every), experts)
     return Recognizer(look, bank, threshold, len(signals), sources, models)
 
 

@@ -11,9 +11,9 @@ from typing import Any, ClassVar, TypeVar
 import msgspec
 import numpy as np
 
-from controller.learning.key_fitting import held_frames
 from controller.learning.measures.self_test import Judge, self_test
 from controller.learning.preparation.training_motion import Lessons, TrainingMotion
+from controller.learning.trainers.clip import held_frames
 from controller.learning.trainers.trainer import NewMotion, Trainer, mabs
 from controller.motion.encodings.normalisation import Normalisation
 from controller.motion.rotations import Array, Indices

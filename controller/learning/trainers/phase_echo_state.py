@@ -10,11 +10,10 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from controller.learning.key_fitting import error_mm, keys_within
 from controller.learning.measures.self_test import Judge
 from controller.learning.preparation.training_motion import Lessons, TrainingMotion
 from controller.learning.trainers.clip import TRAINER as CLIPS
-from controller.learning.trainers.clip import ClipRecipe
+from controller.learning.trainers.clip import ClipRecipe, error_mm, keys_within
 from controller.learning.trainers.phase_driven import PhaseDrivenRecipe, PhaseDrivenTrainer, course_of
 from controller.learning.trainers.trainer import NewMotion, SettledNetwork
 from controller.motion.rotations import Array

@@ -11,9 +11,8 @@ from hypothesis import strategies as st
 from scipy.interpolate import BSpline
 
 import synthetic
-from controller.learning.key_fitting import error_mm, fitted_keys, held_frames, keys_within
 from controller.learning.measures.self_test import self_test
-from controller.learning.trainers.clip import TRAINER, ClipRecipe
+from controller.learning.trainers.clip import TRAINER, ClipRecipe, error_mm, fitted_keys, held_frames, keys_within
 from controller.learning.trainers.trainer import NewMotion
 from controller.library.motion_library import MotionLibrary, load_library, save_library
 from controller.networks.keys import STEPS_PER_BIT, Keys

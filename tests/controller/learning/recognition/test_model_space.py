@@ -1,7 +1,6 @@
 import numpy as np
 
-from controller.learning.recognition.experts import ExpertRecipe, expert_reservoir, force, moments
-from controller.learning.recognition.model_space import fit_model_space
+from controller.learning.recognition.experts import ExpertRecipe, ModelSpace, expert_reservoir, force, moments
 
 RECIPE = ExpertRecipe(neurons=20, groups=2, washout=0)
 
@@ -18,7 +17,7 @@ def test_one_frequency_is_told_from_another_at_any_phase_and_votes_spread_as_far
 
     labels, learned = swings(40)
     costs = rng.normal(size=(40, 2))
-    space = fit_model_space(learned, labels, costs, RECIPE)
+    space = ModelSpace.fit(learned, labels, costs, RECIPE)
     spread = (costs - costs.mean(1, keepdims=True)).std()
     assert np.isclose(space.votes(learned, RECIPE).std(), spread, rtol=1e-3)
     assert np.allclose(space.votes(learned, RECIPE).sum(1), 0.0, atol=1e-4)
