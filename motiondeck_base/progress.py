@@ -18,25 +18,12 @@ class Tick(Protocol):
 @contextmanager
 def progress(words: str, total: int | None) -> Iterator[Tick]:
     """A bar of `total` steps (None: unknown) on standard error; the context value is the function that advances it."""
+    from rich import progress as rich
     from rich.console import Console
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        TextColumn,
-        TimeElapsedColumn,
-        TimeRemainingColumn,
-    )
 
-    columns = (
-        TextColumn("{task.description:28}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        TimeRemainingColumn(),
-    )
-    with Progress(
-        *columns,
+    words_and_bar = rich.TextColumn("{task.description:28}"), rich.BarColumn(), rich.MofNCompleteColumn()
+    with rich.Progress(
+        *(*words_and_bar, rich.TimeElapsedColumn(), rich.TimeRemainingColumn()),
         console=Console(stderr=True),
         disable=not sys.stderr.isatty(),
         transient=True,

@@ -1,4 +1,4 @@
-"""The shipped robots, rigs, libraries and stage files, and how a name or a path becomes a file."""
+"""The shipped robots, rigs, libraries and stage files, how a name becomes a file, and the folders of the user."""
 
 import os
 from collections.abc import Sequence
@@ -27,6 +27,11 @@ def shipped_configs() -> Path:
 def user_cache() -> Path:
     """The folder for what can be made anew, such as the robot files of the catalogue; it need not exist."""
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "motiondeck"
+
+
+def state_folder() -> Path:
+    """The user's folder for what is kept from run to run; it need not exist."""
+    return Path(os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state") / "motiondeck"
 
 
 def find_robot(name: str | Path) -> Path:

@@ -17,7 +17,7 @@ import msgspec
 from hardware.bus.port import lasting_name
 from hardware.families.register import Counts
 from motiondeck_base.files import write_file
-from motiondeck_base.state_folder import state_folder
+from motiondeck_base.shipped import state_folder
 
 
 class Turn(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -34,9 +34,7 @@ def replay(
 ) -> None:
     """Replay a recorded run: the same targets, through the same limits.
 
-    Commands for tempo, pause, home and the emergency stop work as in `play`.
-
-    With --scrub nothing is driven: a page shows the targets, with a time bar and single steps.
+    Commands for tempo, pause, home and the emergency stop work as in `play`. With --scrub a page has single steps too.
 
     Example:  motiondeck replay show.rec --rig emulated
     """

@@ -18,7 +18,6 @@ from controller.loop.clock import Clock, Ticker
 from controller.loop.commands.command_handler import CommandHandler
 from controller.loop.commands.commanded_run import CommandedRun
 from controller.loop.commands.interfaces import PlayableDeck
-from controller.loop.correction import Correction
 from controller.loop.ensemble import all_limits, together
 from controller.loop.lead import Lead
 from controller.loop.output_channel import Channel
@@ -26,7 +25,6 @@ from controller.loop.permissions import handed_back, leave_core
 from controller.loop.safety.compiled_envelope import safety_envelope
 from controller.loop.snapshots import SnapshotSource
 from controller.loop.stop_requests import StopRequest, stop_on_signals
-from controller.loop.stop_state import WiredStop
 from controller.motion.clip import Clip
 from controller.motion.rotations import Array
 from controller.motion.skeleton import Skeleton
@@ -133,7 +131,10 @@ def _assemble(opening: ExitStack, stop: StopRequest, spec: RunSpec, played: Play
         wired = guarded[0].wire
     else:
         door = opening.enter_context(closing(StopDoor(port)))
-        wired = _wired_stop(opening, spec)
+        if spec.stop_input is not None:
+            from hardware.tools.stop_input import open_stop_input
+
+            wired = opening.enter_context(closing(open_stop_input(Path(spec.stop_input))))
     channels = channels_of(robots)
     if spec.outputs:
         from motiondeck.run.plugin_outputs import open_outputs
@@ -153,7 +154,9 @@ def _assemble(opening: ExitStack, stop: StopRequest, spec: RunSpec, played: Play
     if isinstance(deck, RecordedDeck):
         deck.lead = lead.seconds
     if isinstance(deck, Lockable):
-        leader = member.leader(opening) if member is not None else _leader(opening, spec)
+        leader = member.leader(opening) if member is not None else None
+        if spec.lock_to not in (None, "beat", "body"):
+            leader = opening.enter_context(closing(LeaderLink.to(str(spec.lock_to))))
         due = ticker.due if ticker is not None else None
         deck.attach(due=due, measured=measured, leader=leader, lead=lead.seconds)
         if spec.lock_to is not None:
@@ -173,7 +176,12 @@ def _assemble(opening: ExitStack, stop: StopRequest, spec: RunSpec, played: Play
             {joint: why for robot in robots for joint, why in robot.without_layers.items()},
             {robot.prefix + joint: gains for robot in robots for joint, gains in robot.gaze.items()},
         )
-    correction = _correction(opening, spec, played, robots, deck, lead, clock.period)
+    correction = None
+    if servos is not None and len(robots) == 1 and isinstance(deck, Deck) and isinstance(played.source, MotionLibrary):
+        from motiondeck.run.robots.learned_follow import open_correction
+
+        parts, emulated = (opening, servos, deck, lead, first.limits, clock.period), is_emulated(spec.rig)
+        correction = open_correction(*parts, robot=first.name, library=played.source.info, emulated=emulated)
     watch = _watch(spec, played, first, channels[0])
     guards = [robot.guard for robot in robots if robot.guard is not None]
     kept_apart = (lambda: sum(guard.kept_apart.total() for guard in guards)) if guards else None
@@ -229,14 +237,6 @@ def _assemble(opening: ExitStack, stop: StopRequest, spec: RunSpec, played: Play
     return session
 
 
-def _wired_stop(opening: ExitStack, spec: RunSpec) -> WiredStop | None:
-    if spec.stop_input is None:
-        return None
-    from hardware.tools.stop_input import open_stop_input
-
-    return opening.enter_context(closing(open_stop_input(Path(spec.stop_input))))
-
-
 def _servers(opening: ExitStack, spec: RunSpec) -> list[CommandServer]:
     """The sockets where commands are taken, the local one last; SocketError if a port or address cannot be used."""
     servers, port = list[CommandServer](), spec.command_port
@@ -250,12 +250,6 @@ def _servers(opening: ExitStack, spec: RunSpec) -> list[CommandServer]:
     return [*servers, opening.enter_context(closing(CommandServer(port)))]
 
 
-def _leader(opening: ExitStack, spec: RunSpec) -> LeaderLink | None:
-    if spec.lock_to in (None, "beat", "body"):
-        return None
-    return opening.enter_context(closing(LeaderLink.to(str(spec.lock_to))))
-
-
 def _servos(robot: RobotOnDeck) -> RigOutput | None:
     """The rig of a robot, before it is made one of several."""
     if robot.rig is None:
@@ -263,28 +257,6 @@ def _servos(robot: RobotOnDeck) -> RigOutput | None:
     from motiondeck.run.robots.rig_output import RigOutput
 
     return robot.rig.output if isinstance(robot.rig.output, RigOutput) else None
-
-
-def _correction(
-    opening: ExitStack,
-    spec: RunSpec,
-    played: Played,
-    robots: Sequence[RobotOnDeck],
-    deck: PlayableDeck,
-    lead: Lead,
-    period: float,
-) -> Correction | None:
-    """What the rig of a single robot learns, if its file asks for it and a library is played."""
-    rig, source = _servos(robots[0]), played.source
-    if len(robots) > 1 or rig is None or not isinstance(deck, Deck) or not isinstance(source, MotionLibrary):
-        return None
-    emulated = is_emulated(spec.rig)
-    from motiondeck.run.robots.learned_follow import open_correction
-
-    robot = robots[0]
-    return open_correction(
-        opening, rig, deck, lead, robot.limits, period, robot=robot.name, library=source.info, emulated=emulated
-    )
 
 
 def _watch(spec: RunSpec, played: Played, first: RobotOnDeck, channel: Channel) -> Watch | None:

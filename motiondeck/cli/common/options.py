@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from typer import Option
 
 from motiondeck_base.errors import MotiondeckError
+from motiondeck_base.files import as_float
 
 if TYPE_CHECKING:
     from controller.motion.clip import ReadingOptions
@@ -91,10 +92,9 @@ def ground_of(given: str) -> float | Literal["auto", "none"]:
     """The value of --ground (MotiondeckError if it is no height)."""
     if given == "auto" or given == "none":
         return given
-    try:
-        return float(given)
-    except ValueError:
-        raise MotiondeckError(f"--ground takes a height in m, auto or none, not '{given}'") from None
+    if (height := as_float(given)) is None:
+        raise MotiondeckError(f"--ground takes a height in m, auto or none, not '{given}'")
+    return height
 
 
 def check_new(*files: Path, force: bool, hint: str = "") -> None:

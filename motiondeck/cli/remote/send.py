@@ -18,6 +18,7 @@ from controller.wire.messages.command_table import COMMANDS, checked, parse_comm
 from controller.wire.messages.commands import Blend, EmergencyStop, GetStatus, Heartbeat, Subscribe
 from controller.wire.messages.replies import Accepted, Event, Refused, Settled, State
 from motiondeck_base.errors import MotiondeckError
+from motiondeck_base.files import as_float
 
 _LONGEST_WAIT = 120.0  # s for --wait: a switch by way of other motions takes that long
 _STARTING = 5.0  # s that a deck may take from opening its socket to its first tick
@@ -63,7 +64,7 @@ def send(
     from motiondeck.run.terminal import describe, help_on
 
     for word in words:
-        if word.startswith("-") and not _is_number(word):
+        if word.startswith("-") and as_float(word) is None:
             raise typer.BadParameter(f"there is no option {word}")
     if words[0] == "help":
         print(help_on(words[1:]))
@@ -96,14 +97,6 @@ def send(
             print("the blend is checked as it plays: motiondeck events tells if it is given up", file=sys.stderr)
     if isinstance(answer, Refused):
         raise typer.Exit(1)
-
-
-def _is_number(word: str) -> bool:
-    try:
-        float(word)
-    except ValueError:
-        return False
-    return True
 
 
 def events(
@@ -174,7 +167,6 @@ def state_of(client: CommandClient) -> State:
 
 def client_of(command_port: int, host: str | None, token_file: Path | None) -> CommandClient:
     """A client of the deck that the options name."""
-
     if (host is None) != (token_file is None):
         raise MotiondeckError("a deck on another machine needs both --host ADDRESS and --token-file FILE")
     token = read_token(token_file) if token_file is not None else None

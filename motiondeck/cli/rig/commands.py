@@ -38,7 +38,7 @@ def doctor(
     from hardware.bus.servo_bus import Bus
     from hardware.tools.backup import ServoBackup, save_backups
     from hardware.tools.doctor import examine, fix_settings, look_elsewhere, shorten_latency
-    from motiondeck_base.state_folder import state_folder
+    from motiondeck_base.shipped import state_folder
 
     config = load(rig)
     reports, done, refused = [], [], []

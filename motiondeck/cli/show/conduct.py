@@ -160,10 +160,7 @@ def show_page(port: int) -> Iterator[ShowPage]:
 
     port = free_port(port)
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-    with (
-        theirs,
-        child_process("motiondeck.page.show.viewer", str(port), stdin=theirs.fileno(), own_session=True),
-    ):
+    with theirs, child_process("motiondeck.page.show.viewer", str(port), stdin=theirs.fileno(), own_session=True):
         theirs.close()
         with ours:
             yield ShowPage(ours)

@@ -6,12 +6,13 @@ says; where the deck is gone without that, the servos hold with torque on.
 
 import contextlib
 import gc
+import itertools
 import select
 import signal
 import socket
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -94,16 +95,14 @@ class GuardService:
                 self._watch(request)
             case messages.ServoDeed(joint=joint, method=method):
                 getattr(rig, method)(joint)
-            case messages.QueryRegisters(number=number, joint=joint, write=write):
+            case messages.QueryRegisters() | messages.QueryPorts():
                 try:
-                    self._readings.append((number, rig.registers(joint, write)))
+                    if isinstance(request, messages.QueryPorts):
+                        self._scans.append((request.number, rig.scan()))
+                    else:
+                        self._readings.append((request.number, rig.registers(request.joint, request.write)))
                 except MotiondeckError as error:
-                    link.send(messages.ServoAnswer(number, Refused(str(error))))
-            case messages.QueryPorts(number=number):
-                try:
-                    self._scans.append((number, rig.scan()))
-                except MotiondeckError as error:
-                    link.send(messages.ServoAnswer(number, Refused(str(error))))
+                    link.send(messages.ServoAnswer(request.number, Refused(str(error))))
             case Begin():
                 pass  # it is the first message
 
@@ -130,9 +129,10 @@ class GuardService:
             link.send(note)
         incidents = self._rig.incidents
         if incidents and incidents[-1] is not self._incidents:
-            for incident in self._new(incidents):
-                link.send(messages.IncidentNote(incident))
+            new = [*itertools.takewhile(lambda one: one is not self._incidents, reversed(incidents))]
             self._incidents = incidents[-1]
+            for incident in reversed(new):
+                link.send(messages.IncidentNote(incident))
         if guard.failure != self._reported_failure:
             self._reported_failure = guard.failure
             link.send(messages.RigFailed(guard.failure))
@@ -148,14 +148,6 @@ class GuardService:
                 servos = [ServoOnPort(joint, one.id, one.model, one.firmware) for joint, one in scan.found]
                 yield messages.ServoAnswer(number, OnPorts(servos, scan.missing))
         self._scans = [one for one in self._scans if one[1].found is None]
-
-    def _new(self, incidents: Sequence[Incident]) -> list[Incident]:
-        new: list[Incident] = []
-        for incident in reversed(incidents):
-            if incident is self._incidents:
-                break
-            new.append(incident)
-        return new[::-1]
 
 
 def _registers(joint: RigJoint, reading: RegisterReading) -> Registers | Refused:

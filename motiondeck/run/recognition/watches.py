@@ -35,16 +35,12 @@ class BodyWatch:
         from controller.learning.recognition.recognizer import BodyRecognizer
 
         self._body = BodyRecognizer(recognizer, skeleton)
+        self.names: Sequence[str] = self._body.online.classes  # the recognizer's motions
         # Nothing is commanded that these motions could miss.
         self.mismatch_s, self.stuck = 0.0, ""
         self._time: float | None = None
         self._spent: Counter[tuple[str, str]] = Counter()  # ticks, by what was played and what was seen
         self._spans: deque[tuple[float, str]] = deque(maxlen=MOST_KEPT)
-
-    @property
-    def names(self) -> Sequence[str]:
-        """The recognizer's motions."""
-        return self._body.online.classes
 
     @property
     def seen(self) -> Recognized | None:
@@ -115,7 +111,8 @@ class RecognitionWatch:
         known = np.ones(len(joints), dtype=np.bool_) if measured is None else np.isfinite(measured[: len(joints)])
         self._order = np.flatnonzero(known)
         self._balls = np.searchsorted(self._order, balls[known[balls].all(1)])
-        self._stops, self._channel, self._names = stop, channel, library.network.motions
+        self._stops, self._channel = stop, channel
+        self.names: Sequence[str] = library.network.motions
         motions = joint_motions(library, retarget)
         for name, targets in motions.items():
             motions[name] = np.clip(targets, limits.lower, limits.upper)[:, self._order]
@@ -126,11 +123,6 @@ class RecognitionWatch:
         self._time = -1.0
         self._printed = 0
         self._stopped = False
-
-    @property
-    def names(self) -> Sequence[str]:
-        """The library's motions."""
-        return self._names
 
     @property
     def seen(self) -> Recognized | None:

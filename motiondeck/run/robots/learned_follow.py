@@ -26,7 +26,7 @@ from hardware.rig.rig_file import RigConfig
 from motiondeck.run.robots.rig_output import RigOutput
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.files import write_file
-from motiondeck_base.state_folder import state_folder
+from motiondeck_base.shipped import state_folder
 
 _DIGEST = "learned with"
 

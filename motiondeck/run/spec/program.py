@@ -29,16 +29,9 @@ from controller.wire.messages.command_table import BY_WORD, parse_command
 from controller.wire.messages.commands import DeckCommand, Switch
 from motiondeck.run.spec.run_spec import RunSpec
 from motiondeck_base.errors import FileFormatError, MotiondeckError, UnknownNameError
+from motiondeck_base.files import as_float
 from motiondeck_base.shipped import find_library
 from motiondeck_base.toml_file import read_toml
-
-
-@dataclass(frozen=True)
-class Cue:
-    """A motion and when it is switched to, s after the start."""
-
-    at: float
-    motion: str
 
 
 @dataclass(frozen=True)
@@ -85,15 +78,14 @@ def read_timeline(path: Path, motions: Iterable[str]) -> tuple[str, list[Timed]]
     return file.motion, sorted(timeline, key=lambda timed: timed.at)
 
 
-def parse_script(text: str, motions: Iterable[str]) -> tuple[list[Cue], float | None]:
-    """The cues of a script, the first one at 0 s, and its length in s, if its last part gives seconds.
+def parse_script(text: str, motions: Iterable[str]) -> tuple[str, list[Timed], float | None]:
+    """The first motion of a script, its switches, and its length in s, if its last part gives seconds.
 
     It is motions separated by commas, each but the last followed by its seconds; those of the last may be left out.
     MotiondeckError names the part that is wrong and what it should be.
     """
     known = list(motions)
-    cues: list[Cue] = []
-    at = 0.0
+    timeline, at = list[Timed](), 0.0
     parts = [part.split() for part in text.split(",")]
     for place, words in enumerate(parts, start=1):
         last = place == len(parts)
@@ -112,17 +104,14 @@ def parse_script(text: str, motions: Iterable[str]) -> tuple[list[Cue], float | 
             raise MotiondeckError(
                 f"script, part {place}: give its seconds, as in '{words[0]} 4'; only the last part may go without"
             )
-        cues.append(Cue(at, words[0]))
+        timeline.append(Timed(at, Switch(words[0])))
         at += _seconds(words[1], place) if len(words) == 2 else 0.0
-    return cues, at if at > cues[-1].at else None
+    return parts[0][0], timeline[1:], at if at > timeline[-1].at else None
 
 
 def _seconds(word: str, place: int) -> float:
-    try:
-        seconds = float(word)
-    except ValueError:
-        seconds = -1.0
-    if not 0.0 < seconds < 1e6:
+    seconds = as_float(word)
+    if seconds is None or not 0.0 < seconds < 1e6:
         raise MotiondeckError(f"script, part {place}: '{word}' is not a number of seconds above 0")
     return seconds
 
@@ -154,14 +143,14 @@ class Program:
         file = find_library(str(named))
         library = load_library(file)
         names, script = library.network.motions, str(spec.script) if spec.script is not None else None
+        first, timeline, length = "", list[Timed](), None
         if script is None:
-            return cls(library, file, first_motion(library, motion), [], spec.seconds)
-        if script.endswith(".toml"):
+            first = first_motion(library, motion)
+        elif script.endswith(".toml"):
             first, timeline = read_timeline(Path(script), names)
-            return cls(library, file, first, timeline, spec.seconds)
-        cues, length = parse_script(script, names)
-        timeline = [Timed(cue.at, Switch(cue.motion)) for cue in cues[1:]]
-        return cls(library, file, cues[0].motion, timeline, spec.seconds if spec.seconds is not None else length)
+        else:
+            first, timeline, length = parse_script(script, names)
+        return cls(library, file, first, timeline, spec.seconds if spec.seconds is not None else length)
 
     @classmethod
     def _of_clip(cls, spec: RunSpec, file: Path) -> Program:

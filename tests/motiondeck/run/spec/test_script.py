@@ -3,24 +3,23 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from controller.wire.messages.commands import EmergencyStop, SetTempo, Switch
-from motiondeck.run.spec.program import Cue, Timed, parse_script, read_timeline
+from motiondeck.run.spec.program import Timed, parse_script, read_timeline
 from motiondeck_base.errors import MotiondeckError
 
 MOTIONS = ("walk", "jog", "stool-standup")
 
 
 def test_motions_follow_each_other():
-    cues, length = parse_script("walk 4, jog 2.5, walk", MOTIONS)
-    assert cues == [Cue(0.0, "walk"), Cue(4.0, "jog"), Cue(6.5, "walk")]
-    assert length is None
+    switches = [Timed(4.0, Switch("jog")), Timed(6.5, Switch("walk"))]
+    assert parse_script("walk 4, jog 2.5, walk", MOTIONS) == ("walk", switches, None)
 
 
 def test_one_motion_is_a_script():
-    assert parse_script(" jog ", MOTIONS) == ([Cue(0.0, "jog")], None)
+    assert parse_script(" jog ", MOTIONS) == ("jog", [], None)
 
 
 def test_a_script_whose_last_part_has_seconds_has_an_end():
-    assert parse_script("walk 4, jog 2.5", MOTIONS)[1] == 6.5
+    assert parse_script("walk 4, jog 2.5", MOTIONS)[2] == 6.5
 
 
 @pytest.mark.parametrize(
@@ -46,11 +45,11 @@ def test_what_is_wrong_is_named_by_its_part(text, says):
 @given(st.text(max_size=40))
 def test_any_text_is_a_script_or_a_mistake(text):
     try:
-        cues, _ = parse_script(text, MOTIONS)
+        first, switches, _ = parse_script(text, MOTIONS)
     except MotiondeckError:
         return
-    assert cues[0].at == 0.0
-    assert [cue.at for cue in cues] == sorted(cue.at for cue in cues)
+    assert first in MOTIONS
+    assert [switch.at for switch in switches] == sorted(switch.at for switch in switches)
 
 
 def timeline(tmp_path, text):
