@@ -60,22 +60,17 @@ def find_stage(name: str | Path) -> Path:
 def _find(kind: str, folder: str, suffix: str, name: str | Path, also: Sequence[str] = ()) -> Path:
     """A file by its path, which has the suffix or names a folder, or else by the name of a shipped one."""
     path = Path(name)
-    if path.suffix == suffix or len(path.parts) > 1:
-        if path.is_file() and path.suffix == suffix:
-            return path
-        if path.is_file():
-            raise _of_another_kind(kind, suffix, name)
+    is_path = path.suffix == suffix or len(path.parts) > 1
+    if path.suffix == suffix and path.is_file():
+        return path
+    shipped = {file.stem: file for file in sorted((shipped_configs() / folder).glob(f"*{suffix}"))}
+    if not is_path and str(name) in shipped:
+        return shipped[str(name)]
+    if path.is_file():
+        raise MotiondeckError(f"{name}: not a {kind} file, which ends in {suffix}. {_MADE_BY[kind]}")
+    if is_path:
         others = sorted(other.name for other in path.parent.glob(f"*{suffix}"))
         near = near_names(path.stem, [Path(other).stem for other in others])
         hint = f". Did you mean {' or '.join(str(path.with_name(one + suffix)) for one in near)}?" if near else ""
         raise MotiondeckError(f"{name}: there is no such file{hint}")
-    shipped = {file.stem: file for file in sorted((shipped_configs() / folder).glob(f"*{suffix}"))}
-    if str(name) not in shipped and path.is_file():
-        raise _of_another_kind(kind, suffix, name)
-    if str(name) not in shipped:
-        raise UnknownNameError.among(kind, str(name), [*also, *shipped])
-    return shipped[str(name)]
-
-
-def _of_another_kind(kind: str, suffix: str, name: str | Path) -> MotiondeckError:
-    return MotiondeckError(f"{name}: not a {kind} file, which ends in {suffix}. {_MADE_BY[kind]}")
+    raise UnknownNameError.among(kind, str(name), [*also, *shipped])

@@ -77,8 +77,12 @@ def preflight(
     if not motions_only:
         from motiondeck.run.sampled_motions import count_switches, switches_by_way_of
 
+        def failing(verdict: RobotVerdict) -> None:
+            if not verdict.ok:
+                print_verdict(verdict)
+
         direct = judged.switches(names, where)
-        switches = collected(direct, "switches", count_switches(played), None if as_json else _print_failing)
+        switches = collected(direct, "switches", count_switches(played), None if as_json else failing)
         switches += _by_their_parts({v.name: v for v in (*motions, *switches)}, switches_by_way_of(played), tempo)
     ok = all(verdict.ok for verdict in (*motions, *switches))
     errors = {name: msgspec.to_builtins(motion.against_recording) for name, motion in learned.items()}
@@ -104,13 +108,6 @@ def preflight(
         print_errors(played.info.motions)
     if not ok:
         raise typer.Exit(1)
-
-
-def _print_failing(verdict: RobotVerdict) -> None:
-    from motiondeck.cli.common.verdict_report import print_verdict
-
-    if not verdict.ok:
-        print_verdict(verdict)
 
 
 def _by_their_parts(

@@ -41,6 +41,7 @@ def segment(
     """
     from controller.motion.clip import ReadingOptions
     from controller.motion.formats.reading import read_clip
+    from controller.motion.take.segmentation import segments_of
 
     if not file.is_file():
         raise MotiondeckError.missing(file)
@@ -48,8 +49,10 @@ def segment(
         raise MotiondeckError("--segments sets the number of segments; --recognizer finds it: give one of them")
     check_plot(plot)
     clip = read_clip(file, ReadingOptions(skeleton))
-    segments = by_changes(clip, count) if recognizer is None else by_recognizer(clip, recognizer)
-    method = "changes" if recognizer is None else "experts"
+    if recognizer is None:
+        method, segments = "changes", [_row(None, *ends, clip.rate) for ends in segments_of(clip, count)]
+    else:
+        method, segments = "experts", by_recognizer(clip, recognizer)
     report = {"file": str(file), "method": method, "frames": len(clip), "segments": segments}
     if plot is not None:
         from motiondeck.pictures.clip_plot import draw_segments
@@ -60,13 +63,6 @@ def segment(
         return
     for one in segments:
         print(f"{one['from_s']:8.2f} to {one['to_s']:8.2f} s  frame {one['from_frame']:6d}  {one['motion'] or ''}")
-
-
-def by_changes(clip: Clip, count: int | None) -> list[dict[str, Any]]:
-    """Segments between changes of the distribution of poses; by default as many as are likely."""
-    from controller.motion.take.segmentation import segments_of
-
-    return [_row(None, *ends, clip.rate) for ends in segments_of(clip, count)]
 
 
 def by_recognizer(clip: Clip, file: Path) -> list[dict[str, Any]]:

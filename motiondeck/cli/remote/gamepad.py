@@ -32,17 +32,14 @@ STEP = 0.1  # tempos are sent in such steps, so that a hand on the stick does no
 # Linux, include/uapi/linux/input-event-codes.h; written out because evdev is an optional dependency.
 EV_SYN, EV_KEY, EV_ABS = 0, 1, 3
 SYN_DROPPED = 3
-BTN_SOUTH, BTN_EAST, BTN_NORTH, BTN_WEST = 0x130, 0x131, 0x133, 0x134
-BTN_TR = 0x137
-BTN_START = 0x13B
-BTN_DPAD_LEFT, BTN_DPAD_RIGHT = 0x222, 0x223
 ABS_Y, ABS_HAT0X = 0x01, 0x10
 
 
 class Button(Enum):
-    """The buttons in use, by their labels on an Xbox gamepad."""
+    """The codes of the buttons in use, by their labels on an Xbox gamepad."""
 
-    A, B, X, Y, START, LEFT, RIGHT, SHOULDER = range(8)
+    A, B, X, Y = 0x130, 0x131, 0x133, 0x134
+    SHOULDER, START, LEFT, RIGHT = 0x137, 0x13B, 0x222, 0x223
 
 
 class Stick(NamedTuple):
@@ -51,31 +48,19 @@ class Stick(NamedTuple):
     y: float
 
 
-BUTTONS = {
-    BTN_SOUTH: Button.A,
-    BTN_EAST: Button.B,
-    BTN_NORTH: Button.X,
-    BTN_WEST: Button.Y,
-    BTN_TR: Button.SHOULDER,
-    BTN_START: Button.START,
-    BTN_DPAD_LEFT: Button.LEFT,
-    BTN_DPAD_RIGHT: Button.RIGHT,
-}
-
-
 def events(device: InputDevice[str]) -> Iterator[Button | Stick]:
     """Buttons as they are pressed, and positions of the left stick, until the device is unplugged (OSError)."""
     # Where the kernel drops events because they were read too slowly, an emergency stop must not be lost with them: B
     # counts as pressed if it is held down afterwards.
-    stick = device.absinfo(ABS_Y)
+    stick, buttons = device.absinfo(ABS_Y), {button.value: button for button in Button}
     for event in device.read_loop():
-        if event.type == EV_KEY and event.value == 1 and event.code in BUTTONS:
-            yield BUTTONS[event.code]
+        if event.type == EV_KEY and event.value == 1 and event.code in buttons:
+            yield buttons[event.code]
         elif event.type == EV_ABS and event.code == ABS_HAT0X and event.value:
             yield Button.RIGHT if event.value > 0 else Button.LEFT
         elif event.type == EV_ABS and event.code == ABS_Y:
             yield Stick(deflection(event.value, stick.min, stick.max))
-        elif event.type == EV_SYN and event.code == SYN_DROPPED and BTN_EAST in device.active_keys():
+        elif event.type == EV_SYN and event.code == SYN_DROPPED and Button.B.value in device.active_keys():
             yield Button.B
 
 
@@ -113,7 +98,7 @@ def open_gamepad(path: Path | None) -> InputDevice[str]:
 
 def _is_gamepad(capabilities: Mapping[int, Sequence[int]]) -> bool:
     """Every gamepad has the south button, by the kernel's specification; the tempo needs a stick besides."""
-    return BTN_SOUTH in capabilities.get(EV_KEY, ()) and ABS_Y in capabilities.get(EV_ABS, ())
+    return Button.A.value in capabilities.get(EV_KEY, ()) and ABS_Y in capabilities.get(EV_ABS, ())
 
 
 class Pad:

@@ -5,8 +5,7 @@ from __future__ import annotations
 import json
 import signal
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -82,7 +81,9 @@ def _measure(
 
     found: dict[str, Response] = {}
     config = msgspec.structs.replace(config, read_hz=0.0, on_loss="stop")
-    with _signals() as received:
+    received: list[int] = []
+    end = signal.SIGINT, signal.SIGTERM, signal.SIGHUP
+    with handled(lambda number, frame: received.append(number), *end):
         rig = open_rig(config, ports)
         try:
             run = JointTrials(rig, now=time.monotonic, sleep=time.sleep, asked=lambda: bool(received))
@@ -107,11 +108,3 @@ def open_rig(config: RigConfig, ports: list[str]) -> Rig:
     from hardware.rig.supervision.rig import Rig
 
     return Rig.connect(config, ports)
-
-
-@contextmanager
-def _signals() -> Iterator[list[int]]:
-    """The signals to end that arrive in the block (Ctrl-C, SIGTERM, a closed terminal), in place of their effects."""
-    received: list[int] = []
-    with handled(lambda number, frame: received.append(number), signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        yield received

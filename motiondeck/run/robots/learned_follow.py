@@ -22,7 +22,6 @@ from controller.library.motion_library import LibraryInfo
 from controller.loop.correction import Correction, Key
 from controller.loop.lead import Lead
 from controller.motion.rotations import Array
-from hardware.rig.rig_file import RigConfig
 from motiondeck.run.robots.rig_output import RigOutput
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.files import write_file
@@ -47,7 +46,10 @@ def open_correction(
     config = rig.rig.config
     if not config.follow.learn:
         return None
-    file, digest = _file(config, library.name), _digest(config, robot, library, emulated=emulated)
+    number = zlib.crc32(" ".join(config.names).encode())
+    file = state_folder() / "follow" / f"{library.name}-{number:08x}.safetensors"
+    parts = [msgspec.to_builtins(config), robot, msgspec.to_builtins(library), emulated]
+    digest = hashlib.sha256(json.dumps(parts, sort_keys=True, default=str).encode()).hexdigest()
     shape = len(limits.lower)
     tables = {key: table for key, table in load(file, digest).items() if table.shape[1] == shape}
     correction = Correction(lambda: deck.place, lead.delays, lead.seconds, limits, period, tables)
@@ -92,13 +94,3 @@ def _keep(file: Path, digest: str, tables: dict[Key, Array]) -> None:
         save(file, digest, tables)
     except (OSError, MotiondeckError) as error:
         print(f"motiondeck: what the rig has learned is not kept: {error}", file=sys.stderr)
-
-
-def _file(config: RigConfig, library: str) -> Path:
-    number = zlib.crc32(" ".join(config.names).encode())
-    return state_folder() / "follow" / f"{library}-{number:08x}.safetensors"
-
-
-def _digest(config: RigConfig, robot: str, library: LibraryInfo, *, emulated: bool) -> str:
-    parts = [msgspec.to_builtins(config), robot, msgspec.to_builtins(library), emulated]
-    return hashlib.sha256(json.dumps(parts, sort_keys=True, default=str).encode()).hexdigest()
