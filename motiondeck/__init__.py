@@ -63,23 +63,16 @@ __all__ = [
 ]
 
 _HOMES = {
-    "motiondeck.libraries": ("Library", "MotionGenerator", "learn", "learn_recipe", "load_library"),
-    "motiondeck.live": ("CommandedMotion", "DeckEvent", "DeckStatus", "LiveDeck", "LockState", "play"),
-    "motiondeck.own_loop": ("CommandedSwitch", "Deck"),
-    "motiondeck.recognition": (
-        "PoseStream",
-        "RecognitionStream",
-        "RecognitionVerdict",
-        "Recognizer",
-        "learn_recognizer",
-        "load_recognizer",
-    ),
-    "motiondeck.recordings": ("Clip", "Skeleton", "read_recording", "save_recording"),
-    "motiondeck.rigs": ("Rig", "open_rig"),
-    "motiondeck.robots": ("JointMotion", "RetargetedFile", "Robot", "load_robot", "retarget_files"),
-    "motiondeck_base.errors": ("MotiondeckError", "UnknownNameError"),
+    ".libraries": "Library MotionGenerator learn learn_recipe load_library",
+    ".live": "CommandedMotion DeckEvent DeckStatus LiveDeck LockState play",
+    ".own_loop": "CommandedSwitch Deck",
+    ".recognition": "PoseStream RecognitionStream RecognitionVerdict Recognizer learn_recognizer load_recognizer",
+    ".recordings": "Clip Skeleton read_recording save_recording",
+    ".rigs": "Rig open_rig",
+    ".robots": "JointMotion RetargetedFile Robot load_robot retarget_files",
+    "motiondeck_base.errors": "MotiondeckError UnknownNameError",
 }
-_HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
+_HOME_OF = {name: home for home, names in _HOMES.items() for name in names.split()}
 
 
 def __getattr__(name: str) -> object:
@@ -87,7 +80,7 @@ def __getattr__(name: str) -> object:
     if name not in __all__:
         raise AttributeError(f"module 'motiondeck' has no attribute '{name}'")
     try:
-        home = import_module(_HOME_OF.get(name, f"motiondeck.{name}"))
+        home = import_module(_HOME_OF.get(name, f".{name}"), __name__)
     except ImportError as error:
         from motiondeck.command import shadowed
 

@@ -69,8 +69,7 @@ def _find(kind: str, folder: str, suffix: str, name: str | Path, also: Sequence[
     if path.is_file():
         raise MotiondeckError(f"{name}: not a {kind} file, which ends in {suffix}. {_MADE_BY[kind]}")
     if is_path:
-        others = sorted(other.name for other in path.parent.glob(f"*{suffix}"))
-        near = near_names(path.stem, [Path(other).stem for other in others])
+        near = near_names(path.stem, sorted(other.stem for other in path.parent.glob(f"*{suffix}")))
         hint = f". Did you mean {' or '.join(str(path.with_name(one + suffix)) for one in near)}?" if near else ""
         raise MotiondeckError(f"{name}: there is no such file{hint}")
     raise UnknownNameError.among(kind, str(name), [*also, *shipped])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing, contextmanager
+from copy import deepcopy
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -271,8 +272,10 @@ def _watch(spec: RunSpec, played: Played, first: RobotOnDeck, channel: Channel) 
         return BodyWatch(load_recognizer(Path(spec.recognizer)), played.source.skeleton)
     if not isinstance(played.source, MotionLibrary):
         return None
-    stop = spec.on_mismatch == "stop"
-    return RecognitionWatch.over(first, channel, played.source, spec.rate, spec.mismatch_after, stop=stop)
+    robot, stops = first.simulation.robot, spec.on_mismatch == "stop"
+    retarget = deepcopy(robot.retarget)  # one that remembers a pose must not remember the last one learned
+    measured = retarget, robot.joints, robot.layout.ball, first.limits, channel
+    return RecognitionWatch(played.source, *measured, spec.rate, spec.mismatch_after, stop=stops)
 
 
 def _recorder(

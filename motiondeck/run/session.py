@@ -194,7 +194,9 @@ class Session:
             self.watch.update(loop, self.deck, self.stop)
         pictures, between = divmod(loop.tick, self._ticks_a_picture)
         if between == 0 and pictures % HEALTH_EVERY == 0:
-            snapshots.health = tick_health(loop)
+            # The percentiles of all ticks so far; they take too long for every tick.
+            late, work = loop.lateness.percentiles(), loop.work.percentiles()
+            snapshots.health = TickHealth(late.p50, late.p999, work.p50) if loop.tick else TickHealth()
             self.children.report_dead()
         page = self.page if between == 0 else None
         if self.recorder is None and page is None:
@@ -204,11 +206,3 @@ class Session:
             self.recorder.record(snapshot, loop, self.measured(), self._first.simulation.stage.placed)
         if page is not None:
             page.show(snapshot, loop, self.deck.activation)
-
-
-def tick_health(loop: LoopState) -> TickHealth:
-    """The percentiles of a loop's ticks so far; they take too long for every tick."""
-    if loop.tick == 0:
-        return TickHealth()
-    lateness = loop.lateness.percentiles()
-    return TickHealth(lateness.p50, lateness.p999, loop.work.percentiles().p50)

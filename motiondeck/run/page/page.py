@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -158,11 +158,8 @@ class Page:
         human = None
         if contents.human is not None:
             human = draw_ghost(contents.human, robots[0].path_scale, state.with_name("human.xml"))
-        page = cls(state, contents, contents.description(models, human))
-        try:
+        with closing(cls(state, contents, contents.description(models, human))) as page:
             yield page
-        finally:
-            page.close()
 
     def show(self, snapshot: DeckSnapshot, loop: LoopState, activation: Activation | None) -> None:
         """Publishes one picture: the snapshot, the bodies, the network's activation, the servos."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 import sys
 from collections import Counter, deque
 from collections.abc import Sequence
-from copy import deepcopy
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
@@ -20,7 +19,6 @@ from controller.loop.output_channel import Channel
 from controller.loop.stop_requests import StopRequest
 from controller.motion.skeleton import Skeleton
 from controller.wire.messages.deck_snapshot import Recognized
-from motiondeck.run.robots.robot_on_deck import RobotOnDeck
 
 if TYPE_CHECKING:
     from controller.learning.recognition.recognizer import Recognizer
@@ -74,16 +72,6 @@ MOST_PRINTED = 20  # alarms on the terminal; the report has more
 
 class RecognitionWatch:
     """Feeds a `DeckWatch` from the loop and shows what it finds on the terminal, on the page and in the report."""
-
-    @classmethod
-    def over(
-        cls, player: RobotOnDeck, channel: Channel, library: MotionLibrary, rate: float, patience: float, *, stop: bool
-    ) -> RecognitionWatch:
-        """A watch over the joints of a simulated robot that one of its channels measures."""
-        robot = player.simulation.robot
-        retarget = deepcopy(robot.retarget)  # one that remembers a pose must not remember the last one learned
-        measured = retarget, robot.joints, robot.layout.ball, player.limits, channel
-        return cls(library, *measured, rate, patience, stop=stop)
 
     def __init__(
         self,
