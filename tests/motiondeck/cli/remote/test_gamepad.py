@@ -101,9 +101,14 @@ def test_the_ends_and_the_middle_of_common_sticks():
 def test_our_codes_are_those_of_evdev():
     codes = pytest.importorskip("evdev").ecodes
     module = vars(sys.modules[Pad.__module__])
-    ours = {name: code for name, code in module.items() if name.split("_")[0] in {"EV", "SYN", "BTN", "ABS"}}
-    assert len(ours) == 14
+    ours = {name: code for name, code in module.items() if name.split("_")[0] in {"EV", "SYN", "ABS"}}
+    assert len(ours) == 6
     assert ours == {name: getattr(codes, name) for name in ours}
+    names = {"A": "SOUTH", "B": "EAST", "X": "NORTH", "Y": "WEST", "SHOULDER": "TR"}
+    names |= {"START": "START", "LEFT": "DPAD_LEFT", "RIGHT": "DPAD_RIGHT"}
+    assert {button.name: button.value for button in Button} == {
+        button: getattr(codes, f"BTN_{name}") for button, name in names.items()
+    }
 
 
 @pytest.mark.parametrize(
