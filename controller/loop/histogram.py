@@ -11,6 +11,8 @@ import numpy as np
 from controller.motion.rotations import Indices
 
 _BEGINS = np.unique(np.geomspace(1.0, 2.0**41, 1200).astype(np.int64))  # of the buckets, ns; the last one never ends
+_LOWEST = np.append(0, _BEGINS)
+_MIDDLES = 0.5 * (_LOWEST + np.maximum(np.append(_BEGINS, 0) - 1, _LOWEST))  # ns
 _MANY = 256  # durations are sorted into buckets together, as one by one takes ten times as long in a tick
 
 
@@ -47,12 +49,8 @@ class DurationHistogram:
         """The duration, us, that this share (0 to 1) of all durations does not exceed; 0 if none was added."""
         self._sort_in()
         cumulative = np.cumsum(self._counts)
-        count = int(cumulative[-1])
-        if count == 0:
-            return 0.0
-        bucket = int(np.searchsorted(cumulative, max(share * count, 1.0)))
-        low, high = (int(_BEGINS[place]) if 0 <= place < len(_BEGINS) else 0 for place in (bucket - 1, bucket))
-        return min(0.5 * (low + max(high - 1, low)), float(self._longest)) / 1000.0
+        bucket = np.searchsorted(cumulative, max(share * float(cumulative[-1]), 1.0))
+        return min(float(_MIDDLES.take(bucket, mode="clip")), self._longest) / 1000.0
 
     def percentiles(self) -> Percentiles:
         """The usual four, us; the maximum is exact."""

@@ -16,7 +16,6 @@ from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.files import write_file
 
 YEARS = 5  # how long certificates are valid. They begin a day early, for machines whose clocks are behind.
-
 AUTHORITY_KEY = "authority.key"
 OWNERS = 0o600  # only the owner may read the files
 

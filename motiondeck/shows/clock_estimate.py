@@ -25,13 +25,10 @@ from dataclasses import dataclass
 import numpy as np
 
 WINDOW = 120.0  # samples older than this are forgotten, s
-
 MOST_SAMPLES = 1024
-
 DRIFT = 200e-6  # standard deviation of the drift between two machines before it is measured
 JITTER = 4e-4  # standard deviation of a sample that waited nowhere, s
 WANDER = 1e-6  # how much the drift wanders meanwhile, w
-
 _SLACK = 2e-3  # s by which a sample may contradict the line before it counts as one of another clock
 _CONTRADICTIONS = 3  # such samples in a row begin the estimate anew
 

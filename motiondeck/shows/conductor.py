@@ -15,16 +15,12 @@ from motiondeck.shows.seen_decks import SeenDeck, SeenDecks
 from motiondeck.shows.show_file import Condition, Show, ShowCue, show_command
 from motiondeck_base.errors import MotiondeckError
 
+# Cues fall on multiples of this, s: then they fall on ticks of decks at 50, 100, 200, 250, 500 and 1000 Hz, which the
+# show's clock keeps aligned, and all decks carry them out in the same one.
 GRID = 0.02
-"""Cues fall on multiples of this, s: then they fall on ticks of decks at 50, 100, 200, 250, 500 and 1000 Hz, which the
-show's clock keeps aligned, and all decks carry them out in the same one."""
-
 JOINS_EVERY = 1.0  # the period at which a deck that has missed a cue is sent the sum of all cues, s
 REPORTED_AFTER = 3.0  # a cue that waits longer for decks reports what it waits for, s
-
-STOP_REPORTED_AFTER = 0.4
-"""An emergency stop that has not reached every deck by then is reported, s; one that has, at once."""
-
+STOP_REPORTED_AFTER = 0.4  # s; an emergency stop that has not reached every deck by then is reported
 _NO_CUES = "all cues have been given: type commands to go on"
 
 Notify = Callable[[str], None]

@@ -22,11 +22,9 @@ if TYPE_CHECKING:
 
 LEASE = 2.0  # after this silence a link is lost, s; a live one says something four times as often
 STOP_SAID, STOP_AGAIN = 5, 0.02  # how often a new emergency stop is published, and the period of that, s
-
 _RECEIVING_THREADS = 64
 
 Received = Callable[[str, bytes], None]  # called with a key within the show and the data, in a thread of zenoh
-
 T = TypeVar("T")
 
 

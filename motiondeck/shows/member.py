@@ -118,9 +118,12 @@ class Member:
         """The first phase tells the deck that no standing stop is known, or that it was stopped."""
         if not isinstance(message, commands.GetPhase):
             return Refused("this is a show, not a deck", message.id)
-        if self._now() < self._joined_at:
+        now = self._now()
+        if now < self._joined_at:
             return Refused("the deck is still joining the show", message.id)
-        return self._phase(message.id)
+        if self._step is None or not self._clock.known:
+            return PhaseNow("", None, None, message.id)
+        return PhaseNow("", self._step.phase(self._clock.remote(now)), 1.0 / self._step.seconds, message.id, now)
 
     def close(self) -> None:
         """Leaves the show; the deck plays on."""
@@ -244,12 +247,6 @@ class Member:
         if len(self._commands) > _REMEMBERED:
             del self._commands[next(iter(self._commands))]
 
-    def _phase(self, number: int) -> PhaseNow:
-        if self._step is None or not self._clock.known:
-            return PhaseNow("", None, None, number)
-        now = self._now()
-        return PhaseNow("", self._step.phase(self._clock.remote(now)), 1.0 / self._step.seconds, number, now)
-
     # The deck.
 
     def _receive_from_deck(self) -> bool:
@@ -265,7 +262,9 @@ class Member:
                 self._note_problem(f"{whose}: {reply.reason}" if whose else reply.reason)
             elif isinstance(reply, Accepted):
                 if reply.id in self._stopping:
-                    self._note_stopped(self._stopping.pop(reply.id))
+                    self._own_presses += 1  # the next event counts it too
+                    if (stop := self._stopping.pop(reply.id)) is not None:
+                        self._hold([*self._held, stop])
             elif isinstance(reply, Event):
                 if reply.kind == "ended":
                     return False
@@ -319,12 +318,6 @@ class Member:
             self._stops.add(stop)
         else:
             self._take_stop(msgspec.structs.replace(stop, over=False))
-
-    def _note_stopped(self, stop: messages.EmergencyStopAll | None) -> None:
-        """Notes that the deck has accepted an emergency stop of this member; the next event counts it too."""
-        self._own_presses += 1
-        if stop is not None:
-            self._hold([*self._held, stop])
 
     def _note_mode(self, mode: str) -> None:
         if mode != "emergency stop" and self._held:

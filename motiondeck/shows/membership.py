@@ -25,9 +25,7 @@ from motiondeck_base.toml_file import read_toml
 
 CONDUCTOR = "conductor"
 PORT = 7447  # the TCP port of a member whose address has none: zenoh's own
-
 MEMBER_FILE, AUTHORITY, CERTIFICATE, KEY = "member.toml", "authority.pem", "certificate.pem", "key.pem"
-
 _NAME = re.compile(r"[a-z0-9][a-z0-9-]{0,30}\Z")
 
 

@@ -34,7 +34,6 @@ from motiondeck_base.errors import FileFormatError, MotiondeckError, UnknownName
 from motiondeck_base.toml_file import read_toml
 
 ALL = "all"  # the group of all decks of a show
-
 Condition = Literal["here", "settled", "in step"]
 """Of all decks of a cue: they are connected and know the time; no switch is under way; their phases are locked."""
 

@@ -11,7 +11,7 @@ from controller.loop.stop_requests import StopRequest
 from controller.wire.command_socket import Address, CommandServer
 from controller.wire.messages.commands import AtTime, DeckCommand, EmergencyStop
 from controller.wire.messages.deck_snapshot import Mode
-from controller.wire.messages.replies import Accepted, EventKind, Refused, Reply
+from controller.wire.messages.replies import Accepted, Event, EventKind, Refused, Reply
 
 _REMEMBERED = 16  # emergency stops
 
@@ -57,10 +57,8 @@ class CommandHandler:
         self._seen = stop.state.total
         if self._timed.waiting:
             self._carry_out_timed(stop)
-        if self._second.switches:
-            self._second.reply_for_switches()
-        if self._second.looks:
-            self._second.reply_for_looks()
+        self._second.reply_for_switches()
+        self._second.reply_for_looks()
         if self._listeners.known:
             self._listeners.check_heartbeats()
         events = self._deck.events
@@ -88,7 +86,7 @@ class CommandHandler:
 
     def notify(self, kind: EventKind, text: str, motion: str = "") -> None:
         """Sends an event to all subscribers."""
-        self._listeners.notify(kind, text, motion)
+        self._listeners.send(Event(kind, text, motion, self._deck.time))
 
     def carry_out(
         self, message: DeckCommand, stop: StopRequest, client: Client | None = None, *, remote: bool = False
@@ -97,10 +95,8 @@ class CommandHandler:
         outcome = self._run.carry_out(message, stop, remote=remote)
         if self._note is not None:
             self._note(message, outcome.reply)
-        if client is not None and outcome.look is not None:
-            self._second.await_look(client, message, outcome.look)
-        if client is not None and outcome.progress is not None:
-            self._second.await_switch(client, message, outcome.progress)
+        if client is not None:
+            self._second.expect(client, message, outcome)
         return outcome.reply
 
     def _carry_out_timed(self, stop: StopRequest) -> None:

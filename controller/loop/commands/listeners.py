@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import msgspec
 
 from controller.deck.switch import CommandedSwitch
-from controller.loop.commands.commanded_run import refusal
+from controller.loop.commands.commanded_run import Outcome, refusal
 from controller.loop.commands.interfaces import Client, Look, PlayableDeck
 from controller.wire.command_socket import Address
 from controller.wire.messages.commands import DeckCommand, Heartbeat, Subscribe
-from controller.wire.messages.replies import Event, EventKind, Refused, SecondReply, Settled
+from controller.wire.messages.replies import Event, Refused, SecondReply, Settled
 
 _MOST_LISTENERS = 64
 _FORGOTTEN_AFTER = 60.0  # s that a subscriber over a network may be silent
@@ -49,10 +49,6 @@ class Listeners:
         elif isinstance(message, Heartbeat):
             listener.within = message.within
 
-    def notify(self, kind: EventKind, text: str, motion: str = "") -> None:
-        """Sends an event of now to all subscribers."""
-        self.send(Event(kind, text, motion, self._deck.time))
-
     def send(self, event: Event) -> None:
         """Sends an event to all subscribers, with the next number."""
         self._number += 1
@@ -70,7 +66,8 @@ class Listeners:
             if listener.within and not listener.missed and (gone or silent > listener.within):
                 self._deck.pause()
                 listener.missed = True
-                self.notify("lost", f"paused: a client has {'gone' if gone else f'been silent for {silent:.2f} s'}")
+                why = f"paused: a client has {'gone' if gone else f'been silent for {silent:.2f} s'}"
+                self.send(Event("lost", why, at=self._deck.time))
             if gone or (listener.client.server.remote and silent > _FORGOTTEN_AFTER):
                 del self.known[sender]
 
@@ -89,13 +86,12 @@ class SecondReplies:
         # Requests to servos, with client, number and start, s.
         self.looks: deque[tuple[Client, int, Look, float]] = deque(maxlen=_MOST_AWAITED)
 
-    def await_switch(self, client: Client, message: DeckCommand, progress: CommandedSwitch) -> None:
-        """Replies once more when a switch, a queued motion or a blend has settled."""
-        self.switches.append((client, message.id, " + ".join(message.motions), progress))
-
-    def await_look(self, client: Client, message: DeckCommand, look: Look) -> None:
-        """Replies once more when the servos have replied."""
-        self.looks.append((client, message.id, look, self._now()))
+    def expect(self, client: Client, message: DeckCommand, outcome: Outcome) -> None:
+        """Replies once more when servos have replied, or a switch, a queued motion or a blend has settled."""
+        if outcome.look is not None:
+            self.looks.append((client, message.id, outcome.look, self._now()))
+        if outcome.progress is not None:
+            self.switches.append((client, message.id, " + ".join(message.motions), outcome.progress))
 
     def reply_for_switches(self) -> None:
         """Replies for switches that have settled, were given up or overtaken."""
