@@ -11,18 +11,9 @@ Counts = Annotated[int, msgspec.Meta(ge=-(2**31), lt=2**32)]  # a number that a 
 
 # What one of a manual's units is in SI.
 SI_UNITS = {
-    "": 1.0,
-    "pulse": 1.0,
-    "rpm": 2.0 * math.pi / 60.0,
-    "rev/min2": 2.0 * math.pi / 3600.0,
-    "deg/s2": math.pi / 180.0,
-    "mA": 1e-3,
-    "V": 1.0,
-    "degC": 1.0,
-    "%": 1e-2,
-    "ms": 1e-3,
-    "us": 1e-6,
-}
+    "": 1.0, "pulse": 1.0, "rpm": 2.0 * math.pi / 60.0, "rev/min2": 2.0 * math.pi / 3600.0, "deg/s2": math.pi / 180.0,
+    "mA": 1e-3, "V": 1.0, "degC": 1.0, "%": 1e-2, "ms": 1e-3, "us": 1e-6,
+}  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)

@@ -28,73 +28,36 @@ def set_stage(spec: mujoco.MjSpec, height: float) -> None:
     spec.visual.headlight.specular = [0.0, 0.0, 0.0]
     spec.visual.rgba.haze = [*HORIZON, 1.0]
 
-    spec.add_texture(
-        name="(sky)",
-        type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
-        builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
-        rgb1=[0.93, 0.95, 0.97],
-        rgb2=list(HORIZON),
-        width=64,
-        height=384,
-    )
-    spec.add_texture(
-        name=FLOOR,
-        type=mujoco.mjtTexture.mjTEXTURE_2D,
-        builtin=mujoco.mjtBuiltin.mjBUILTIN_CHECKER,
-        # Under all lamps together this comes out at four fifths of white.
-        rgb1=[0.60, 0.63, 0.66],
-        rgb2=[0.53, 0.56, 0.60],
-        mark=mujoco.mjtMark.mjMARK_EDGE,
-        markrgb=[0.66, 0.69, 0.72],
-        width=256,
-        height=256,
-    )
+    sky = spec.add_texture(name="(sky)", type=mujoco.mjtTexture.mjTEXTURE_SKYBOX, width=64, height=384)
+    sky.builtin, sky.rgb1, sky.rgb2 = mujoco.mjtBuiltin.mjBUILTIN_GRADIENT, [0.93, 0.95, 0.97], list(HORIZON)
+    ground = spec.add_texture(name=FLOOR, type=mujoco.mjtTexture.mjTEXTURE_2D, width=256, height=256)
+    # Under all lamps together this comes out at four fifths of white.
+    ground.builtin, ground.rgb1, ground.rgb2 = mujoco.mjtBuiltin.mjBUILTIN_CHECKER, [0.6, 0.63, 0.66], [0.53, 0.56, 0.6]
+    ground.mark, ground.markrgb = mujoco.mjtMark.mjMARK_EDGE, [0.66, 0.69, 0.72]
     floor = spec.add_material(name=FLOOR, texrepeat=[0.9 / height] * 2, texuniform=True, reflectance=0.0, specular=0.0)
     floor.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = FLOOR
     plane = spec.worldbody.add_geom(name=FLOOR, type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0.0, 0.0, 0.05])
     plane.material, plane.contype, plane.conaffinity = FLOOR, 0, 0
 
     # Even light far out; the shadow is the lamp's.
-    spec.worldbody.add_light(
-        name="(day)",
-        type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
-        castshadow=False,
-        pos=[0.0, 0.0, 10.0],
-        dir=[-0.2, 0.5, -1.0],
-        diffuse=[0.36, 0.36, 0.37],
-        specular=[0.0, 0.0, 0.0],
-    )
+    day = spec.worldbody.add_light(name="(day)", type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, castshadow=False)
+    day.pos, day.dir, day.diffuse, day.specular = [0, 0, 10], [-0.2, 0.5, -1], [0.36, 0.36, 0.37], [0, 0, 0]
 
 
 def add_lamp(root: mujoco.MjsBody, height: float) -> None:
     """Adds a lamp that follows the root, so that the shadow stays sharp; the root's height, m, scales its distance."""
     at = [0.4 * height, -1.5 * height, 3.8 * height]
-    root.add_light(
-        name="(lamp)",
-        type=mujoco.mjtLightType.mjLIGHT_SPOT,
-        mode=mujoco.mjtCamLight.mjCAMLIGHT_TRACK,
-        pos=at,
-        dir=[-component for component in at],
-        cutoff=80.0,
-        exponent=0.0,
-        attenuation=[1.0, 0.0, 0.0],
-        diffuse=[0.36, 0.35, 0.33],
-        specular=[0.2, 0.2, 0.2],
-    )
+    lamp = root.add_light(name="(lamp)", type=mujoco.mjtLightType.mjLIGHT_SPOT, cutoff=80.0, exponent=0.0)
+    lamp.mode, lamp.pos, lamp.dir = mujoco.mjtCamLight.mjCAMLIGHT_TRACK, at, [-component for component in at]
+    lamp.attenuation, lamp.diffuse, lamp.specular = [1.0, 0.0, 0.0], [0.36, 0.35, 0.33], [0.2, 0.2, 0.2]
 
 
 def add_gantry(spec: mujoco.MjSpec, root: mujoco.MjsBody) -> None:
     """Adds a commanded body (mocap) and a weld that pulls the robot's free root along."""
     spec.worldbody.add_body(name=GANTRY, mocap=True, pos=root.pos)
-    weld = spec.add_equality(
-        name=GANTRY,
-        type=mujoco.mjtEq.mjEQ_WELD,
-        objtype=mujoco.mjtObj.mjOBJ_BODY,
-        name1=GANTRY,
-        name2=root.name,
-        solref=[2.0 * TIMESTEP, 1.0],
-        solimp=[0.95, 0.99, 0.001, 0.5, 2.0],
-    )
+    weld = spec.add_equality(name=GANTRY, type=mujoco.mjtEq.mjEQ_WELD, objtype=mujoco.mjtObj.mjOBJ_BODY)
+    weld.name1, weld.name2 = GANTRY, root.name
+    weld.solref, weld.solimp = [2.0 * TIMESTEP, 1.0], [0.95, 0.99, 0.001, 0.5, 2.0]
     # Anchor, relative pose and torque scale; an all-zero relative quaternion would mean "as in the initial pose".
     weld.data[:11] = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]
 

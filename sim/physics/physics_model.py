@@ -95,15 +95,8 @@ def _make_solid(spec: mujoco.MjSpec, robot: Robot) -> None:
             geom.friction = FRICTION
     for foot in feet:
         if foot.round:
-            along, across = (foot.corners[1] - foot.corners[0]), (foot.corners[3] - foot.corners[0])
-            spec.body(foot.body).add_geom(
-                type=mujoco.mjtGeom.mjGEOM_BOX,
-                size=[0.5 * float((along @ along) ** 0.5), 0.5 * float((across @ across) ** 0.5), _SOLE],
-                pos=foot.sole + _SOLE * foot.axes[:, 2],
-                quat=from_matrix(foot.axes),
-                mass=0.0,
-                contype=0,
-                conaffinity=FLOOR_BIT,
-                friction=FRICTION,
-                group=_HIDDEN,
-            )
+            long, wide = (float(np.linalg.norm(foot.corners[end] - foot.corners[0])) for end in (1, 3))
+            sole = spec.body(foot.body).add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, mass=0.0, group=_HIDDEN)
+            sole.size, sole.pos = [0.5 * long, 0.5 * wide, _SOLE], foot.sole + _SOLE * foot.axes[:, 2]
+            sole.quat, sole.friction = from_matrix(foot.axes), FRICTION
+            sole.contype, sole.conaffinity = 0, FLOOR_BIT

@@ -47,7 +47,7 @@ class Footing:
         self.stance = stance
         self._model, self._data = model, Scratch(model)
         # A root whose own axes are those of an upright robot is turned as the human's.
-        self._turned = root_rotation.tolist() if np.any(root_rotation != IDENTITY) else None
+        self._turned = root_rotation if np.any(root_rotation != IDENTITY) else None
         self._scale, self._pelvis, self._trunk = scale, pelvis, trunk
         self._touches = TOUCHES * stance.leg * scale
         self._surface, self._lowest = Surface.touching(model), LowestPoint(model)
@@ -96,7 +96,10 @@ class Footing:
         human = pose.rotation[0]
         if self._trunk is not None and len(pose.rotation) > 1:
             human = self._trunk.rotation(pose)
-        qpos[3:7] = human if self._turned is None else _product(human.tolist(), self._turned)
+        if self._turned is None:
+            qpos[3:7] = human
+        else:
+            mujoco.mju_mulQuat(qpos[3:7], human, self._turned)
         if len(pose.rotation) == 1:
             # Runs recorded by version 1 have the human's root only.
             qpos[:3] = self._scale * pose.root_position
@@ -176,15 +179,3 @@ class FixedBase(Footing):
     def place(self, pose: Pose, qpos: Array) -> None:
         """Writes the root's position and rotation into qpos (nq,)."""
         qpos[:7] = self._place
-
-
-def _product(p: list[float], q: list[float]) -> list[float]:
-    """The product of two quaternions."""
-    a, b, c, d = p
-    w, x, y, z = q
-    return [
-        a * w - b * x - c * y - d * z,
-        a * x + b * w + c * z - d * y,
-        a * y - b * z + c * w + d * x,
-        a * z + b * y - c * x + d * w,
-    ]

@@ -35,15 +35,8 @@ from sim.retargeting.stuck_limbs import StuckLimbs
 # Weights of vectors as long as a leg. A hand may be in place on a mirrored arm, so both segments of an arm count as
 # much as the whole, and each by its angle, however short it is.
 WEIGHT = {
-    "leg": 2.5,
-    "thigh": 2.0,
-    "arm": 2.0,
-    "upper_arm": 2.0,
-    "forearm": 2.0,
-    "head": 1.5,
-    "chest": 3.0,
-    "trunk": 2.7,
-}
+    "leg": 2.5, "thigh": 2.0, "arm": 2.0, "upper_arm": 2.0, "forearm": 2.0, "head": 1.5, "chest": 3.0, "trunk": 2.7,
+}  # fmt: skip
 # Soles are level with the human's. Toes share their direction with the plane of the knee: few ankles turn a foot. Nor
 # do they tilt as far as on tiptoe: the weight falls with the tilt of the human's sole, down to this share.
 WEIGHT |= {"foot_up": 2.5, "foot_ahead": 0.4}

@@ -170,7 +170,8 @@ class LimbFinder:
             self._add(f"{side}_{second}", (bent, knee), (tip_body, tip))
         # A distant joint (a clavicle's) shall not carry the limb's start along, if the other joints point it anywhere.
         far = CARRIED * float(np.linalg.norm(knee - start))
-        carry = [joint for joint in hips if self._lever(joint, start) > far]
+        levers = np.cross(self._data.xaxis[hips], start - self._data.xanchor[hips])
+        carry = [joint for joint, lever in zip(hips, levers, strict=True) if np.linalg.norm(lever) > far]
         if carry and len(hips) - len(carry) >= BALL_HINGES:
             self._add(f"{side}_{first}_start", (base, self._data.xpos[base]), (upper, start))
         fold = folds(self._model, knee_joint, axis, knee - start, tip - knee)
@@ -180,10 +181,6 @@ class LimbFinder:
         for part, joint, length in zip((first, second), (hips[-1], knee_joint), lengths, strict=True):
             self.segments[f"{side}_{part}"] = Measured(joint, self._data.xaxis[joint].copy(), length)
         self.reach[f"{side}_{whole}"] = sum(lengths)
-
-    def _lever(self, joint: int, point: Array) -> float:
-        """Distance of a point (3,) from a joint's axis, m."""
-        return float(np.linalg.norm(np.cross(self._data.xaxis[joint], point - self._data.xanchor[joint])))
 
     def _knee(self, upper: int, lower: int) -> int:
         """The last hinge across the limb from its upper segment to its knee's body; of several the widest range."""

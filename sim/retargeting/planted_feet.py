@@ -64,8 +64,9 @@ class PlantedFeet:
         else:
             # From heel to ball the foot stands on another part, in the same place.
             self._held[0] += self.root @ (vectors[0] - before)
-            shares = _certain(np.array([min(stance.standing), *stance.planted]))
-            more = shares - self._shares
+            sure = (np.array([min(stance.standing), *stance.planted]) - DOUBTFUL) / (SURE - DOUBTFUL)
+            sure = np.clip(sure, 0.0, 1.0)
+            more = sure * sure * (3.0 - 2.0 * sure) - self._shares
             self._shares += np.where(more > 0.0, self._settles, self._lets_go) * more
             raised = abs(stance.heights[1] - stance.heights[0]) / (LOW * stance.leg)
             self.higher += self._settles * (max(stance.standing) * exp(-raised * raised) - self.higher)
@@ -76,8 +77,3 @@ class PlantedFeet:
         seen = self._held @ self.root
         self.between, self.ahead = seen[0], seen[1:]
         self.apart, self.turned = float(self._shares[0]), self._shares[1:]
-
-
-def _certain(shares: Array) -> Array:
-    x = np.clip((shares - DOUBTFUL) / (SURE - DOUBTFUL), 0.0, 1.0)
-    return x * x * (3.0 - 2.0 * x)

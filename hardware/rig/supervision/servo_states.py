@@ -11,19 +11,9 @@ if TYPE_CHECKING:  # the page reads this file without the control tables
     from hardware.rig.scale import Array
 
 CONDITIONS = (
-    "well",
-    "was cut off",
-    "has a low supply voltage",
-    "is getting hot",
-    "gives way",
-    "pulls against itself",
-    "does not follow",
-    "is off on command",
-    "is limp",
-    "has shut down",
-    "does not answer",
-    "is lost",
-)
+    "well", "was cut off", "has a low supply voltage", "is getting hot", "gives way", "pulls against itself",
+    "does not follow", "is off on command", "is limp", "has shut down", "does not answer", "is lost",
+)  # fmt: skip
 """From the best to the worst; a servo in several of them is shown in the last one."""
 
 

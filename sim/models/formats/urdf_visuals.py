@@ -77,7 +77,11 @@ def _add_visuals(spec: mujoco.MjSpec, file: Path, packages: Mapping[str, Path]) 
     root = next(body.name for body in spec.worldbody.bodies if body.joints)
     names = {body.name for body in spec.bodies}
     files = {mesh.name: file_named(folder / mesh.file) for mesh in looks.meshes}
-    files = {name: file for name, file in files.items() if _is_readable(file)}
+    files = {
+        name: file
+        for name, file in files.items()
+        if file.suffix.lower() in READABLE and file.is_file() and file.stat().st_size < _LARGEST
+    }
     read = read_meshes(looks, files)
     meshes = {mesh.name: mesh for mesh in looks.meshes}
     done: set[str] = set()
@@ -98,19 +102,6 @@ def _add_visuals(spec: mujoco.MjSpec, file: Path, packages: Mapping[str, Path]) 
                 mesh.file = str(files[name])
         done |= named
         for geom in shapes:
-            own.add_geom(
-                type=geom.type,
-                size=geom.size,
-                pos=np.array(geom.pos) - offset,
-                quat=geom.quat,
-                rgba=geom.rgba,
-                meshname=f"look {geom.meshname}" if geom.meshname else "",
-                group=_SHOWN,
-                contype=0,
-                conaffinity=0,
-                mass=0.0,
-            )
-
-
-def _is_readable(mesh: Path) -> bool:
-    return mesh.suffix.lower() in READABLE and mesh.is_file() and mesh.stat().st_size < _LARGEST
+            look = own.add_geom(type=geom.type, size=geom.size, quat=geom.quat, rgba=geom.rgba, group=_SHOWN, mass=0.0)
+            look.pos, look.contype, look.conaffinity = np.array(geom.pos) - offset, 0, 0
+            look.meshname = f"look {geom.meshname}" if geom.meshname else ""

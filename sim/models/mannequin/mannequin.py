@@ -19,19 +19,9 @@ ROOT_BODY = "(root)"  # no bone is called that
 
 # Largest turn of a bone from the rest pose (arms out), rad: wider than people's, as recordings are noisy.
 REACH: dict[Part, float] = {
-    "trunk": 1.4,
-    "neck": 1.4,
-    "head": 1.5,
-    "hip": 0.8,
-    "thigh": 2.8,
-    "shank": 2.8,
-    "foot": 1.8,
-    "clavicle": 1.7,
-    "upper arm": 2.8,
-    "forearm": 3.0,
-    "hand": 2.4,
-    "other": 3.0,
-}
+    "trunk": 1.4, "neck": 1.4, "head": 1.5, "hip": 0.8, "thigh": 2.8, "shank": 2.8, "foot": 1.8,
+    "clavicle": 1.7, "upper arm": 2.8, "forearm": 3.0, "hand": 2.4, "other": 3.0,
+}  # fmt: skip
 
 # All servos have the same critically damped closed loop: kp = I w^2 and kv = 2 kp / w, with the joint's largest inertia
 # I about any axis in the rest pose.

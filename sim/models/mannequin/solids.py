@@ -20,16 +20,9 @@ REFERENCE_STATURE = 1.80
 # trunk is 43.46: its lower part is the root's, and the clavicles carry some of the upper.
 PELVIS_MASS = 11.17
 PART_MASS: dict[Part, float] = {
-    "trunk": 26.29,
-    "clavicle": 3.0,
-    "head": 6.94,
-    "upper arm": 2.71,
-    "forearm": 1.62,
-    "hand": 0.61,
-    "thigh": 14.16,
-    "shank": 4.33,
-    "foot": 1.37,
-}
+    "trunk": 26.29, "clavicle": 3.0, "head": 6.94, "upper arm": 2.71, "forearm": 1.62, "hand": 0.61,
+    "thigh": 14.16, "shank": 4.33, "foot": 1.37,
+}  # fmt: skip
 BODY_MASS_INDEX = 24.0
 
 # Where the mass of a limb's bone sits along it, and its radii of gyration across and along, in shares of its length
