@@ -64,7 +64,8 @@ def respond(announce: Connection, baud: int) -> None:
 
     It stays awake for a while after each piece, because a wire and a servo have no wake-up time.
     """
-    servos = EmulatedBus(rig(baud or 4_000_000), longest_gap=None)
+    servos = EmulatedBus(rig(baud or 4_000_000))
+    servos.longest_gap = None
     for device in servos.devices:
         device["return_delay_time"] = 0
     memory = servos.devices[0].bank.memory
@@ -191,7 +192,7 @@ def floor(port: str, baud: int) -> Client:
     write = wire.sync_write(*GOAL, b"".join(bytes((id, 0, 8, 0, 0)) for id in IDS))
     reads = {
         "sync read 10 B": (wire.sync_read(*STATE, IDS), len(IDS) * status_length(STATE[1])),
-        "fast sync read 10 B": (wire.fast_sync_read(*STATE, IDS), fast_reply_length(len(IDS), STATE[1])),
+        "fast sync read 10 B": (wire.sync_read(*STATE, IDS, fast=True), fast_reply_length(len(IDS), STATE[1])),
     }
 
     def exchange(request: bytes, length: int) -> bool:

@@ -20,7 +20,6 @@ from hardware.families.models import FAMILIES, USUAL
 from hardware.rig.rig_file import RigConfig
 from hardware.rig.scale import Array
 
-LONGEST_GAP = 1.5e-3  # the silence inside an instruction after which servos forget its beginning, s
 STEP = 0.002  # how often torques and angles are exchanged, s
 
 
@@ -64,13 +63,12 @@ class Coupling:
 class EmulatedBus:
     """Servos on a wire."""
 
-    def __init__(
-        self, config: RigConfig, longest_gap: float | None = LONGEST_GAP, plant: JointPlant | None = None
-    ) -> None:
+    def __init__(self, config: RigConfig, plant: JointPlant | None = None) -> None:
         """Switches all servos on at their zeros and the rig's baud rate; with a plant, where its joints are."""
         self.strict = True  # whether a servo keeps silent when the one before it in a sync read does
         self.baud = config.baud  # the host's, bits/s; a servo set to another hears nothing
-        self.longest_gap = longest_gap  # the silence inside an instruction that the servos forgive, s; None for any
+        # The silence inside an instruction after which servos forget its beginning, s; None for never.
+        self.longest_gap: float | None = 1.5e-3
         self.time = 0.0  # up to which the servos are computed, s
         self._heard = 0.0
         self._fed = 0.0

@@ -9,7 +9,6 @@ import hardware.families
 from hardware.families.facts import FamilyFacts
 from hardware.families.family import Family
 from hardware.families.table import ControlTable
-from motiondeck_base.near_names import near_names
 
 _NAMES = [folder.name for folder in iter_modules(hardware.families.__path__) if folder.ispkg]
 _FOUND: list[FamilyFacts] = [import_module(f"hardware.families.{name}.facts").FACTS for name in _NAMES]
@@ -40,10 +39,6 @@ class Models(Mapping[str, ControlTable]):
 
     def __len__(self) -> int:
         return len(_of_models())
-
-    def near(self, model: str) -> list[str]:
-        """The names most like this one."""
-        return near_names(model, self)
 
 
 MODELS = Models()

@@ -4,7 +4,6 @@ from collections.abc import Iterable, Sequence
 
 from hardware.bus.servo_bus import Bus
 from hardware.families.family import Family
-from hardware.families.register import Register
 from hardware.families.table import ControlTable
 from hardware.rig.rig_file import RigConfig
 from hardware.rig.rig_joint import RigJoint
@@ -26,22 +25,23 @@ def return_delays(config: RigConfig, bus: Bus) -> list[float]:
     return [count * 2e-6 for count in read_each(config, bus, "return_delay_time")]
 
 
-def put(bus: Bus, id: int, table: ControlTable, register: Register, value: int) -> None:
+def put(bus: Bus, id: int, table: ControlTable, name: str, value: int) -> None:
     """Writes a count into a register and waits for the answer; EEPROM is unlocked meanwhile where it must be."""
+    register = table[name]
     lock = table.registers.get(table.family.eeprom_lock) if register.memory == "EEPROM" else None
     if lock is not None:
         bus.write(id, lock.address, lock.encode(0))
     bus.write(id, register.address, register.encode(value))
     # At another baud rate the servo is heard only when the bus is; its lock comes back with its power.
-    if lock is not None and register.name != "baud_rate":
-        bus.write(value if register.name == "id" else id, lock.address, lock.encode(1))
+    if lock is not None and name != "baud_rate":
+        bus.write(value if name == "id" else id, lock.address, lock.encode(1))
 
 
 def write_each(config: RigConfig, bus: Bus, name: str, values: Sequence[int]) -> None:
     """Writes a register of every servo that has it and waits for each answer."""
     for joint, value in zip(config.joints, values, strict=True):
-        if (register := joint.table.registers.get(name)) is not None:
-            put(bus, joint.id, joint.table, register, value)
+        if name in joint.table.registers:
+            put(bus, joint.id, joint.table, name, value)
 
 
 def sync_write_all(config: RigConfig, bus: Bus, name: str, value: int) -> bool:

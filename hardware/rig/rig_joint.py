@@ -8,6 +8,7 @@ import msgspec
 from hardware.errors import RigError
 from hardware.families.models import MODELS, TRAITS, WHY_NO_JOINT
 from hardware.families.table import ControlTable
+from motiondeck_base.near_names import near_names
 
 GAINS = ("position_p_gain", "position_i_gain", "position_d_gain")  # the gains that a rig file may ask for, by register
 POSITION_MODE, EXTENDED_MODE = 3, 4
@@ -63,7 +64,7 @@ class RigJoint(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         if self.model in WHY_NO_JOINT:
             raise ValueError(f"model '{self.model}' cannot be a joint of a rig: {WHY_NO_JOINT[self.model]}")
         if self.model not in MODELS:
-            near = MODELS.near(self.model)
+            near = near_names(self.model, MODELS)
             raise ValueError(
                 f"model '{self.model}' is unknown. "
                 + (f"Did you mean {' or '.join(near)}?" if near else "motiondeck rig scan names the servos on a port")

@@ -8,7 +8,7 @@ import msgspec
 from hardware.bus.servo_bus import UNKNOWN_MODEL, Bus
 from hardware.errors import NoReplyError, RigError
 from hardware.families.models import FAMILIES
-from hardware.families.register import Counts, Register, decode_block
+from hardware.families.register import Counts, decode_block
 from hardware.rig.registers import put, read_register
 from hardware.rig.rig_file import RigConfig
 from hardware.rig.rig_joint import RigJoint
@@ -76,7 +76,7 @@ def restore(config: RigConfig, backups: Iterable[ServoBackup], bus: Bus) -> list
     """
     config, kept = config.servos, {backup.joint: backup for backup in backups}
     lines = [f"{joint.label}: not in the backup" for joint in config.joints if joint.name not in kept]
-    writes: list[tuple[RigJoint, Register, int]] = []
+    writes: list[tuple[RigJoint, str, int]] = []
     for joint in config.joints:
         if joint.name not in kept:
             continue
@@ -97,12 +97,12 @@ def restore(config: RigConfig, backups: Iterable[ServoBackup], bus: Bus) -> list
                 continue
             try:
                 register.encode(value)
-                writes.append((joint, register, value))
+                writes.append((joint, name, value))
             except ValueError as error:
                 raise RigError(f"the backup of {servo} cannot be restored: {error}.") from error
             lines.append(f"{servo}: {name} was {held} and is {value}")
-    for joint, register, value in writes:
-        put(bus, joint.id, joint.table, register, value)
+    for joint, name, value in writes:
+        put(bus, joint.id, joint.table, name, value)
     return lines
 
 

@@ -65,7 +65,6 @@ def _measured(table: ControlTable) -> tuple[int, int]:
 
 def _errors(joint: RigJoint, bus: Bus) -> str:
     try:
-        bits = hardware_errors(joint, bus)
+        return describe_errors(hardware_errors(joint, bus), none="")
     except ServoError:
         return ""
-    return describe_errors(bits) if bits else ""

@@ -9,7 +9,6 @@ from typing import NamedTuple
 from hardware.bus.servo_bus import UNKNOWN_MODEL, Bus, Identity
 from hardware.errors import NoReplyError, RigError, ServoError
 from hardware.families.models import MODELS
-from hardware.families.table import ControlTable
 from hardware.rig.registers import put
 from hardware.rig.rig_file import load_rig
 from hardware.rig.rig_joint import RigJoint
@@ -73,15 +72,15 @@ def set_up(
         value = table.baud_value(baud)
         if value is None:
             raise RigError(f"a servo of model {table.model} cannot do {baud} baud.")
-        _put(bus, before.identity.id, table, "torque_enable", 0)
-        _put(bus, before.identity.id, table, "return_delay_time", 0)
+        put(bus, before.identity.id, table, "torque_enable", 0)
+        put(bus, before.identity.id, table, "return_delay_time", 0)
         if before.identity.family is not table.family and (choice := table.family.choice) is not None:
-            _put(bus, before.identity.id, table, *choice)
+            put(bus, before.identity.id, table, *choice)
             bus.families = dict.fromkeys((before.identity.id, id), table.family)
         if id != before.identity.id:
-            _put(bus, before.identity.id, table, "id", id)
+            put(bus, before.identity.id, table, "id", id)
         if baud != before.baud:
-            _put(bus, id, table, "baud_rate", value)
+            put(bus, id, table, "baud_rate", value)
     with closing(open_bus(baud)) as bus:
         bus.families = {id: table.family}
         after = bus.ping(id)
@@ -99,10 +98,6 @@ def _who_answers(identity: Identity, bus: Bus) -> Identity:
     for name, value in (("torque_enable", 0), ("status_return_level", table.family.answers_all)):
         bus.sync_write(table[name].address, 1, bytes((identity.id, value)))
     return bus.ping(identity.id) or identity if untold else identity
-
-
-def _put(bus: Bus, id: int, table: ControlTable, name: str, value: int) -> None:
-    put(bus, id, table, table[name], value)
 
 
 def set_up_all(

@@ -103,27 +103,12 @@ def _write(bus: EmulatedServos, device: EmulatedServo, address: int, data: bytes
     return error
 
 
-def _sync_read(bus: EmulatedServos, params: bytes) -> list[Answer]:
-    return in_turn(bus, (_read_of(bus, id, params[:4]) for id in params[4:]))
+def _each_in_turn(bus: EmulatedServos, blocks: list[bytes]) -> list[Answer]:
+    return in_turn(bus, (_together(bus, id, Frame(id, wire.READ, bytes(params))) for id, *params in blocks))
 
 
-def _bulk_read(bus: EmulatedServos, params: bytes) -> list[Answer]:
-    return in_turn(bus, (_read_of(bus, block[0], block[1:]) for block in _blocks(params, 5)))
-
-
-def _read_of(bus: EmulatedServos, id: int, params: bytes) -> list[Answer]:
-    return _together(bus, id, Frame(id, wire.READ, params))
-
-
-def _fast_sync_read(bus: EmulatedServos, params: bytes) -> list[Answer]:
-    return _in_one_frame(bus, [(id, _word(params, 0), _word(params, 2)) for id in params[4:]])
-
-
-def _fast_bulk_read(bus: EmulatedServos, params: bytes) -> list[Answer]:
-    return _in_one_frame(bus, [(block[0], _word(block, 1), _word(block, 3)) for block in _blocks(params, 5)])
-
-
-def _in_one_frame(bus: EmulatedServos, asked: list[tuple[int, int, int]]) -> list[Answer]:
+def _in_one_frame(bus: EmulatedServos, blocks: list[bytes]) -> list[Answer]:
+    asked = [(block[0], _word(block, 1), _word(block, 3)) for block in blocks]
     size = 1 + sum(length + 4 for _, _, length in asked)
     answer = HEADER + bytes((BROADCAST, size & 0xFF, size >> 8 & 0xFF, STATUS))
     crc = checksum(answer)
@@ -170,10 +155,10 @@ def _write_unanswered(bus: EmulatedServos, id: int, address: int, data: bytes) -
 
 
 _GROUP: dict[int, Callable[[EmulatedServos, bytes], list[Answer]]] = {
-    wire.SYNC_READ: _sync_read,
-    wire.BULK_READ: _bulk_read,
-    wire.FAST_SYNC_READ: _fast_sync_read,
-    wire.FAST_BULK_READ: _fast_bulk_read,
+    wire.SYNC_READ: lambda bus, params: _each_in_turn(bus, _blocks_of(params)),
+    wire.BULK_READ: lambda bus, params: _each_in_turn(bus, _blocks(params, 5)),
+    wire.FAST_SYNC_READ: lambda bus, params: _in_one_frame(bus, _blocks_of(params)),
+    wire.FAST_BULK_READ: lambda bus, params: _in_one_frame(bus, _blocks(params, 5)),
     wire.SYNC_WRITE: _sync_write,
     wire.BULK_WRITE: _bulk_write,
 }
@@ -181,6 +166,11 @@ _GROUP: dict[int, Callable[[EmulatedServos, bytes], list[Answer]]] = {
 
 def _word(data: bytes, at: int) -> int:
     return data[at] | data[at + 1] << 8
+
+
+def _blocks_of(params: bytes) -> list[bytes]:
+    """A sync read as the blocks of a bulk read."""
+    return [bytes((id,)) + params[:4] for id in params[4:]]
 
 
 def _blocks(data: bytes, size: int) -> list[bytes]:

@@ -146,14 +146,12 @@ def reboot(id: int) -> bytes:
     return build(id, REBOOT)
 
 
-def sync_read(address: int, length: int, ids: Iterable[int]) -> bytes:
-    """Asks many servos for the same registers; each answers with its own status, in this order."""
-    return build(BROADCAST, SYNC_READ, words(address, length) + bytes(ids))
+def sync_read(address: int, length: int, ids: Iterable[int], fast: bool = False) -> bytes:
+    """Asks many servos for the same registers; each answers with its own status, in this order.
 
-
-def fast_sync_read(address: int, length: int, ids: Iterable[int]) -> bytes:
-    """As `sync_read`, but all answer in one frame: see `group_reply.fast_reply`."""
-    return build(BROADCAST, FAST_SYNC_READ, words(address, length) + bytes(ids))
+    If `fast` they do so in one frame: see `group_reply.fast_reply`.
+    """
+    return build(BROADCAST, FAST_SYNC_READ if fast else SYNC_READ, words(address, length) + bytes(ids))
 
 
 def sync_write(address: int, length: int, entries: bytes) -> bytes:
@@ -161,11 +159,7 @@ def sync_write(address: int, length: int, entries: bytes) -> bytes:
     return build(BROADCAST, SYNC_WRITE, words(address, length) + entries)
 
 
-def bulk_read(blocks: Iterable[tuple[int, int, int]]) -> bytes:
-    """Asks each (id, address, length) for its own registers; each answers with its own status, in this order."""
-    return build(BROADCAST, BULK_READ, b"".join(bytes((id,)) + words(a, length) for id, a, length in blocks))
-
-
-def fast_bulk_read(blocks: Iterable[tuple[int, int, int]]) -> bytes:
-    """As `bulk_read`, but all answer in one frame: see `group_reply.fast_reply`."""
-    return build(BROADCAST, FAST_BULK_READ, b"".join(bytes((id,)) + words(a, length) for id, a, length in blocks))
+def bulk_read(blocks: Iterable[tuple[int, int, int]], fast: bool = False) -> bytes:
+    """Asks each (id, address, length) for its own registers; they answer as to `sync_read`."""
+    asked = b"".join(bytes((id,)) + words(address, length) for id, address, length in blocks)
+    return build(BROADCAST, FAST_BULK_READ if fast else BULK_READ, asked)

@@ -128,11 +128,8 @@ def group_read(blocks: Blocks, fast: bool) -> GroupRead:
     lengths = tuple(length for _, _, length in blocks)
     ids = bytes(id for id, _, _ in blocks)
     _, address, length = blocks[0]
-    if all(block[1:] == (address, length) for block in blocks):
-        ask = instructions.fast_sync_read if fast else instructions.sync_read
-        frame = ask(address, length, ids)
-    else:
-        frame = (instructions.fast_bulk_read if fast else instructions.bulk_read)(blocks)
+    alike = all(block[1:] == (address, length) for block in blocks)
+    frame = instructions.sync_read(address, length, ids, fast) if alike else instructions.bulk_read(blocks, fast)
     needed = (fast_reply_length(len(ids), 0) if fast else len(ids) * status_length(0)) + sum(lengths)
     whole = (FastFormat if fast else SingleFormat)(ids, length).whole if len(set(lengths)) == 1 else None
     parts = partial(_joint, ids, lengths, needed) if fast else partial(in_order, Parser, as_status, ids, lengths)

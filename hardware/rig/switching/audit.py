@@ -119,7 +119,7 @@ def settle(differences: Iterable[Difference], config: RigConfig, bus: Bus) -> No
         id, table = difference.id, tables[difference.id]
         register, lock = table[difference.register], table.registers.get("lock")
         try:
-            put(bus, id, table, register, difference.needed)
+            put(bus, id, table, register.name, difference.needed)
         except RefusedError as error:
             if lock is None or register.memory != "EEPROM" or bus.read(id, lock.address, 1).params == b"\0":
                 raise

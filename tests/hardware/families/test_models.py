@@ -8,6 +8,7 @@ from hardware.families.models import MODELS, TRAITS, model_name
 from hardware.rig.rig_file import RigConfig, RigJoint
 from hardware.rig.state_block import arranged
 from motiondeck_base.errors import MotiondeckError
+from motiondeck_base.near_names import near_names
 
 
 def test_every_model_that_the_maker_numbers_has_a_table():
@@ -63,7 +64,7 @@ def test_models_are_known_by_number():
     assert model_name(1060) == "XL430-W250"
     assert model_name(9) == "model number 9"
     assert [model_name(number) for number in (1700, 622, 6025)] == ["XM335-T332", "FFW-SG2-STEER-3", "HX5-D20 part 25"]
-    assert "XM430-W350" in MODELS.near("xm430w350")
+    assert "XM430-W350" in near_names("xm430w350", MODELS)
 
 
 @pytest.mark.parametrize(

@@ -208,7 +208,7 @@ def test_groups_are_written_without_an_answer(say, get):
 
 
 def test_a_fast_read_is_one_frame_of_all(port):
-    port.send(wire.fast_sync_read(132, 4, [1, 2, 3]))
+    port.send(wire.sync_read(132, 4, [1, 2, 3], fast=True))
     answer = port.receive()
     assert len(answer) == fast_reply_length(3, 4)
     reply = fast_reply(answer, [1, 2, 3], [4] * 3)
@@ -218,11 +218,11 @@ def test_a_fast_read_is_one_frame_of_all(port):
 def test_a_dead_servo_hushes_those_behind_it_if_strict(servos, say, port):
     servos[2].dead = True
     assert [status.id for status in say(wire.sync_read(132, 4, [1, 2, 3]))] == [1]
-    port.send(wire.fast_sync_read(132, 4, [1, 2, 3]))
+    port.send(wire.sync_read(132, 4, [1, 2, 3], fast=True))
     assert list(fast_reply(port.receive(), [1, 2, 3], [4] * 3).statuses) == [1]
     servos.strict = False
     assert [status.id for status in say(wire.sync_read(132, 4, [1, 2, 3]))] == [1, 3]
-    port.send(wire.fast_sync_read(132, 4, [1, 2, 3]))
+    port.send(wire.sync_read(132, 4, [1, 2, 3], fast=True))
     assert list(fast_reply(port.receive(), [1, 2, 3], [4] * 3).statuses) == [1, 3]
 
 

@@ -80,7 +80,7 @@ def test_a_gap_in_an_instruction_makes_the_servo_forget_it(servo, port):
 
 def test_the_makers_golden_fast_reads_come_out_byte_for_byte():
     """[P2] Fast Sync Read: request and reply of the manual's example."""
-    assert wire.fast_sync_read(132, 4, [3, 7, 4]).hex() == "fffffd00fe0a008a8400040003070420f2"
+    assert wire.sync_read(132, 4, [3, 7, 4], fast=True).hex() == "fffffd00fe0a008a8400040003070420f2"
     piece = bytes.fromhex("fffffd00fe1900550003a6000000")
     assert checksum(piece).to_bytes(2, "little").hex() == "8408"
     second = piece + bytes.fromhex("8408") + bytes.fromhex("00071f080000")
@@ -89,7 +89,7 @@ def test_the_makers_golden_fast_reads_come_out_byte_for_byte():
 
 def test_a_fast_bulk_read_is_one_frame_of_different_lengths(port):
     """[P2] Fast Bulk Read: LEN = 1 + sum(length + 4), each piece with its own checksum over all before it."""
-    port.send(wire.fast_bulk_read([(3, 132, 4), (1, 7, 1), (2, 126, 10)]))
+    port.send(wire.bulk_read([(3, 132, 4), (1, 7, 1), (2, 126, 10)], fast=True))
     answer = port.receive()
     assert answer[5] == 1 + (4 + 4) + (1 + 4) + (10 + 4)
     reply = fast_reply(answer, [3, 1, 2], [4, 1, 10])
@@ -101,7 +101,7 @@ def test_a_fast_bulk_read_is_one_frame_of_different_lengths(port):
 def test_twin_servos_know_no_fast_reads(rig_of_four, model):
     """[P2] Fast Sync Read: not for the 2XL and 2XC."""
     servo = servo_of(rig_of_four, model)
-    servo.port.send(wire.fast_sync_read(132, 4, [1, 2]))
+    servo.port.send(wire.sync_read(132, 4, [1, 2], fast=True))
     assert servo.port.receive() == b""
     assert len(servo.say(wire.sync_read(132, 4, [1, 2]))) == 2
 
@@ -374,7 +374,7 @@ def test_each_servo_waits_its_return_delay_in_a_sync_read_and_once_in_a_fast_one
     request = wire.sync_read(132, 4, ids)
     slow = time_of(request, 4 * 15)
     assert slow == pytest.approx(10 * (len(request) + 60) / baud + 4 * 500e-6, abs=1e-6)
-    request = wire.fast_sync_read(132, 4, ids)
+    request = wire.sync_read(132, 4, ids, fast=True)
     fast = time_of(request, fast_reply_length(4, 4))
     assert fast == pytest.approx(10 * (len(request) + fast_reply_length(4, 4)) / baud + 500e-6, abs=1e-6)
 

@@ -27,7 +27,7 @@ GOLDEN = {
     "action": (build(1, wire.ACTION), "FFFFFD00 01 0300 05 02CE"),
     "reboot": (wire.reboot(1), "FFFFFD00 01 0300 08 2F4E"),
     "sync read": (wire.sync_read(132, 4, [1, 2]), "FFFFFD00 FE 0900 82 84000400 0102 CEFA"),
-    "fast sync read": (wire.fast_sync_read(132, 4, [3, 7, 4]), "FFFFFD00 FE 0A00 8A 84000400 030704 20F2"),
+    "fast sync read": (wire.sync_read(132, 4, [3, 7, 4], fast=True), "FFFFFD00 FE 0A00 8A 84000400 030704 20F2"),
     "status of a ping": (build_status(1, 0, bytes.fromhex("060426")), "FFFFFD00 01 0700 55 00 060426 655D"),
     "status of a read": (build_status(1, 0, bytes.fromhex("A6000000")), "FFFFFD00 01 0800 55 00 A6000000 8CC0"),
     "status of a write": (build_status(1), "FFFFFD00 01 0400 55 00 A10C"),
