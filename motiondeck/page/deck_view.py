@@ -153,6 +153,6 @@ class DeckView:
 
 def _model(file: str) -> mujoco.MjModel:
     try:
-        return with_visuals(mujoco.MjSpec.from_file(file))
+        return with_visuals(mujoco.MjSpec.from_file(file))[1]
     except ValueError as error:
         raise FileFormatError(f"{file}: MuJoCo refuses it: {error}") from error

@@ -11,7 +11,7 @@ from controller.motion.clip import Clip
 from controller.motion.rotations import Array
 from controller.motion.skeleton import Pose, Skeleton
 from motiondeck_base.shipped import find_library
-from sim.models.formats.urdf_visuals import spec_with_visuals
+from sim.models.formats.urdf_visuals import with_visuals
 from sim.robots.catalogue import find_robot
 from sim.robots.robot import load_robot
 
@@ -31,7 +31,7 @@ class SideBySide:
         self.robot = load_robot(robot, skeleton, dt=dt)
         self.scale = self.robot.path_scale  # the size of the human shown over that of the skeleton
         self.human = load_robot(human, replace(skeleton, length=skeleton.length * self.scale))
-        spec, other = self.human.spec.copy(), spec_with_visuals(self.robot.spec).copy()
+        spec, other = self.human.spec.copy(), with_visuals(self.robot.spec)[0].copy()
         for thing in [*other.worldbody.geoms, *other.worldbody.lights, *other.equalities]:
             other.delete(thing)
         for texture in [*other.textures]:

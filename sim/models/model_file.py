@@ -85,7 +85,9 @@ def read_model(
         hinges_for_balls(spec)
         _scale_masses(spec)
         _mend_inertias(spec)
-        _mend_ranges(spec)
+        for joint in spec.joints:
+            if not np.isfinite(joint.range).all():  # as some files have it for continuous joints
+                joint.range, joint.limited = (0.0, 0.0), mujoco.mjtLimited.mjLIMITED_FALSE
         free_root(path, spec)
         _name_all(spec)
         _set_masses(path, spec, masses or {})
@@ -171,10 +173,8 @@ def _set_masses(path: Path, spec: mujoco.MjSpec, masses: Mapping[str, float]) ->
 def _make_heavier(body: mujoco.MjsBody, factor: float) -> None:
     for geom in body.geoms:
         geom.density, geom.mass = factor * geom.density, factor * geom.mass
-    body.mass, body.inertia, body.fullinertia = (
-        factor * np.array(part) if np.ndim(part) else factor * part
-        for part in (body.mass, body.inertia, body.fullinertia)
-    )
+    body.mass = factor * body.mass
+    body.inertia, body.fullinertia = factor * np.array(body.inertia), factor * np.array(body.fullinertia)
 
 
 def _mend_inertias(spec: mujoco.MjSpec) -> None:
@@ -195,13 +195,6 @@ def _mend_inertias(spec: mujoco.MjSpec) -> None:
             least = np.maximum(moments, LEAST_INERTIA)
             xx, yy, zz, xy, xz, yz = ((axes * least) @ axes.T)[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]].tolist()
             body.fullinertia = [xx, yy, zz, xy, xz, yz]
-
-
-def _mend_ranges(spec: mujoco.MjSpec) -> None:
-    """Removes infinite ranges, which some files give to continuous joints."""
-    for joint in spec.joints:
-        if not np.isfinite(joint.range).all():
-            joint.range, joint.limited = (0.0, 0.0), mujoco.mjtLimited.mjLIMITED_FALSE
 
 
 def _servos(path: Path, spec: mujoco.MjSpec, model: mujoco.MjModel, feet: Sequence[str]) -> None:

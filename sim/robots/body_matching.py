@@ -157,11 +157,13 @@ class _Matcher:
             rest = [e for e in rest if self.body.branch(e, chest) not in branches]
             shoulders = max(float(self.data.xanchor[limb.joints[0], 2]) for limb in limbs.values())
         parts["chest"] = self.body.name(chest)
-        head = self._head(rest, chest, centre, left, shoulders)
-        if head is not None:
-            parts["head"] = self.body.name(head)
-        facing = float(np.arctan2(ahead[1], ahead[0]))
-        upright = multiply(conjugate(yaw(facing)), self.data.xquat[self.root])
+        return self._matched(parts, self._head(rest, chest, centre, left, shoulders), ahead, rivals)
+
+    def _matched(
+        self, parts: dict[str, str], head: int | None, ahead: Array, rivals: dict[str, list[tuple[str, ...]]]
+    ) -> BodyMatch:
+        parts |= {"head": self.body.name(head)} if head is not None else {}
+        upright = multiply(conjugate(yaw(float(np.arctan2(ahead[1], ahead[0])))), self.data.xquat[self.root])
         return BodyMatch(parts, upright, tuple(self.doubts), rivals)
 
     def named_arms(self) -> dict[str, int]:
@@ -198,10 +200,7 @@ class _Matcher:
         rest = [end for end in self.ends if self.body.branch(end, chest) not in branches]
         centre, shoulders = 0.5 * (starts["l"] + starts["r"]), max(float(at[2]) for at in starts.values())
         head = self._head(rest, chest, centre * (1.0, 1.0, 0.0), left, shoulders)
-        if head is not None:
-            parts["head"] = self.body.name(head)
-        upright = multiply(conjugate(yaw(float(np.arctan2(ahead[1], ahead[0])))), self.data.xquat[self.root])
-        return BodyMatch(parts, upright, tuple(self.doubts), {"arm": rival_bends(self.body, limbs)})
+        return self._matched(parts, head, ahead, {"arm": rival_bends(self.body, limbs)})
 
     def _legs(self) -> list[int]:
         """The ends of the two limbs that stand on the floor."""

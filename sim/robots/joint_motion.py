@@ -41,16 +41,12 @@ class JointMotion:
         path = Path(path)
         check_ending(path)
         if path.suffix.lower() == ".csv":
-            write_file(path, self._csv().encode())
+            columns = ("time", *ROOT_COLUMNS, *self.joints)  # s, m, quaternion, rad
+            rows = np.column_stack([np.arange(len(self)) / self.rate, self.root, self.angles])
+            lines = [",".join(columns), *(",".join(f"{value:.9g}" for value in row) for row in rows), ""]
+            write_file(path, "\n".join(lines).encode())
         else:
             save_taught_clip(taught_clip(self.name, self.joints, self.rate, self.angles), path, plays)
-
-    def _csv(self) -> str:
-        """The text of a CSV file: s, m, quaternion, rad."""
-        columns = ("time", *ROOT_COLUMNS, *self.joints)
-        time = np.arange(len(self)) / self.rate
-        rows = np.column_stack([time, self.root, self.angles])
-        return "\n".join([",".join(columns), *(",".join(f"{value:.9g}" for value in row) for row in rows), ""])
 
 
 def check_ending(path: Path) -> None:

@@ -112,7 +112,7 @@ class Robot:
     @property
     def drawn(self) -> mujoco.MjModel:
         """The model for pictures and films: with the visual shapes of its URDF, if any."""
-        return with_visuals(self.spec)
+        return with_visuals(self.spec)[1]
 
     def place(self, targets: Array, pose: Pose, qpos: Array) -> None:
         """Writes targets (J,), rad, and the root that fits them and the pose into qpos (nq,)."""

@@ -89,7 +89,9 @@ class CollisionGuard:
         held = np.zeros(len(asked), dtype=np.bool_)
         for _ in range(ROUNDS):
             targets = np.where(held, self._good, asked)
-            overlapping = self._overlapping(targets)
+            self._robot.layout.place(targets, self._qpos)
+            depths = self._collisions.touching(self._qpos)
+            overlapping = [pair for pair, depth in depths.items() if depth > OVERLAP]
             if not overlapping:
                 break
             for pair in overlapping:
@@ -99,10 +101,6 @@ class CollisionGuard:
             targets = self._good
         self._good = targets
         return targets
-
-    def _overlapping(self, targets: Array) -> list[tuple[int, int]]:
-        self._robot.layout.place(targets, self._qpos)
-        return [pair for pair, depth in self._collisions.touching(self._qpos).items() if depth > OVERLAP]
 
     def _joints_between(self, a: int, b: int) -> Flags:
         """Which joint coordinates move two bodies against each other, shape (J,)."""

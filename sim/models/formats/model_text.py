@@ -55,7 +55,11 @@ def model_kind(path: Path) -> str:
         raise FileFormatError(f"{path}: there is no such model file; {MODEL}")
     if path.suffix.lower() == ".toml":
         raise FileFormatError(f"{path}: a TOML file; {MODEL}. A robot file names its own under `model`")
-    tags = _tags_of(path)
+    tags: list[str] = []
+    parser = expat.ParserCreate()
+    parser.StartElementHandler = lambda tag, _: tags.append(tag)
+    with suppress(expat.ExpatError):  # MuJoCo reports later errors
+        parser.Parse(xml_text(path), True)
     root = tags[0] if tags else ""
     if not root:
         raise FileFormatError(f"{path}: not XML; {MODEL}")
@@ -66,16 +70,6 @@ def model_kind(path: Path) -> str:
     if root == "mujoco" and path.read_bytes().startswith(UTF16):
         raise FileFormatError(f"{path}: its text is UTF-16, which MuJoCo does not read; save it as UTF-8")
     return root
-
-
-def _tags_of(path: Path) -> list[str]:
-    """The names of the elements of an XML file, in order, as far as it can be read."""
-    found: list[str] = []
-    parser = expat.ParserCreate()
-    parser.StartElementHandler = lambda tag, _: found.append(tag)
-    with suppress(expat.ExpatError):  # MuJoCo reports later errors
-        parser.Parse(xml_text(path), True)
-    return found
 
 
 def urdf_speeds(path: Path) -> dict[str, float]:

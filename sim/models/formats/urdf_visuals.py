@@ -5,6 +5,7 @@ never wait for large meshes.
 """
 
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 
 import msgspec
@@ -32,17 +33,17 @@ def note_source(spec: mujoco.MjSpec, file: Path, packages: Mapping[str, Path]) -
     spec.add_text(name=_SOURCE, data=msgspec.json.encode(source).decode())
 
 
-def with_visuals(spec: mujoco.MjSpec) -> mujoco.MjModel:
-    """A model with the visual shapes of its URDF in place of the collision shapes of the same bodies."""
+def with_visuals(spec: mujoco.MjSpec) -> tuple[mujoco.MjSpec, mujoco.MjModel]:
+    """A model with the visual shapes of its URDF in place of the collision shapes of the same bodies, also editable."""
     # Bodies with unreadable or missing meshes keep their collision shapes, and so do all without a readable URDF.
-    shown = _with_visuals(spec)
-    return spec.compile() if shown is None else shown[1]
-
-
-def spec_with_visuals(spec: mujoco.MjSpec) -> mujoco.MjSpec:
-    """As `with_visuals`, an editable copy, or the model itself without visual shapes."""
-    shown = _with_visuals(spec)
-    return spec if shown is None else shown[0]
+    noted = next((text.data for text in spec.texts if text.name == _SOURCE), None)
+    if noted is not None:
+        source = msgspec.json.decode(noted, type=_Source)
+        shown = spec.copy()
+        with suppress(Exception):  # drawing never fails because of visual shapes
+            _add_visuals(shown, Path(source.file), {name: Path(folder) for name, folder in source.packages.items()})
+            return shown, shown.copy().compile()
+    return spec, spec.compile()
 
 
 def missing_visuals(file: Path, packages: Mapping[str, Path]) -> list[Path]:
@@ -54,20 +55,6 @@ def missing_visuals(file: Path, packages: Mapping[str, Path]) -> list[Path]:
     folder = file.resolve().parent / looks.meshdir
     files = [file_named(folder / mesh.file) for mesh in looks.meshes if mesh.file]
     return [file for file in files if not file.is_file()]
-
-
-def _with_visuals(spec: mujoco.MjSpec) -> tuple[mujoco.MjSpec, mujoco.MjModel] | None:
-    """A copy with the visual shapes, and its model; None without any."""
-    noted = next((text.data for text in spec.texts if text.name == _SOURCE), None)
-    if noted is None:
-        return None
-    source = msgspec.json.decode(noted, type=_Source)
-    shown = spec.copy()
-    try:
-        _add_visuals(shown, Path(source.file), {name: Path(folder) for name, folder in source.packages.items()})
-        return shown, shown.copy().compile()
-    except Exception:  # drawing never fails because of visual shapes
-        return None
 
 
 def _add_visuals(spec: mujoco.MjSpec, file: Path, packages: Mapping[str, Path]) -> None:

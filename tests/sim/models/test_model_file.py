@@ -121,7 +121,7 @@ def test_a_urdf_is_drawn_by_its_visual_shapes_and_moves_by_the_others(tmp_path):
     spec = read_model(path)
     plain = spec.compile()
     saved = mujoco.MjSpec.from_string(spec.to_xml())  # as the page gets it
-    drawn = with_visuals(saved)
+    drawn = with_visuals(saved)[1]
     assert drawn.ngeom == plain.ngeom + 1
     shank = drawn.body("l_shank").id
     (shown,) = np.flatnonzero((drawn.geom_bodyid == shank) & (drawn.geom_group <= 2))
@@ -138,7 +138,7 @@ def test_a_urdf_is_drawn_by_its_visual_shapes_and_moves_by_the_others(tmp_path):
     shank = beside.body(f"{PREFIX}l_shank").id
     assert (beside.geom_type[beside.geom_bodyid == shank] == mujoco.mjtGeom.mjGEOM_MESH).any()
     path.write_text("gone")
-    assert with_visuals(saved).ngeom == plain.ngeom
+    assert with_visuals(saved)[1].ngeom == plain.ngeom
 
 
 @pytest.mark.filterwarnings("error")
@@ -185,7 +185,7 @@ def test_meshes_of_its_looks_alone_may_be_missing_and_calibration_says_so(tmp_pa
     assert ("--package legs_description=FOLDER" in said.words) == where.startswith("package")
     assert not said.fatal
     assert found.sound == calibrate_without_looks(tmp_path).sound
-    assert with_visuals(read_model(path)).ngeom == read_model(path).compile().ngeom
+    assert with_visuals(read_model(path))[1].ngeom == read_model(path).compile().ngeom
 
 
 def calibrate_without_looks(folder):
@@ -251,7 +251,7 @@ def test_a_urdf_without_collision_shapes_stands_on_its_visual_ones(tmp_path):
     assert calibrate(path).root_height == pytest.approx(0.44, abs=0.01)
     model = read_model(path).compile()
     assert model.geom_contype.all()
-    assert with_visuals(read_model(path)).ngeom >= model.ngeom
+    assert with_visuals(read_model(path))[1].ngeom >= model.ngeom
 
 
 def test_a_mesh_that_encloses_next_to_nothing_is_read(tmp_path):
