@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from controller.learning.recognition.labelled_recordings import Dataset, Example
+from controller.motion.clip import walked_clip
 from controller.motion.encodings.bone_directions import BoneDirections
 from synthetic import RATE, bow, march, small_encoding, small_skeleton, wave
 
@@ -31,7 +32,9 @@ def frames(motion, pace, shift):
 
 def clip(motion, who="ann", pace=1.0, shift=0):
     encoding = BoneDirections(person(who))
-    return encoding.decode_clip(frames(motion, pace, shift), RATE, motion, f"{who}-{motion}.amc")
+    return walked_clip(
+        motion, encoding.skeleton, encoding.decode(frames(motion, pace, shift)), RATE, f"{who}-{motion}.amc"
+    )
 
 
 def dataset(people=PEOPLE, motions=CLASSES, takes=3):

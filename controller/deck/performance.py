@@ -19,7 +19,7 @@ from controller.deck.joins.transition import Fade, best_anchor, difference, extr
 from controller.deck.tracks.playing_tracks import PlayingTracks
 from controller.deck.tracks.track import Track
 from controller.library.motion_library import MotionLibrary
-from controller.motion.rotations import Array, turned_about_vertical
+from controller.motion.rotations import Array, multiply, yaw
 from controller.motion.skeleton import Pose, Posture
 
 # A difference in joint velocity counts as much as the distance it covers in this time (8 frames at 120 Hz), s.
@@ -291,5 +291,5 @@ def advance(pose: Pose, posture: Posture, dt: float) -> Pose:
     position = np.array([x + cosine * forward - sine * left, y + sine * forward + cosine * left, float(posture.height)])
     if heading == 0.0:
         return posture.at(position, pose.offsets)
-    rotation = turned_about_vertical(posture.rotation, heading)
+    rotation = multiply(yaw(heading), posture.rotation)
     return Pose(position, np.array(heading), rotation, offsets=pose.offsets)

@@ -106,17 +106,6 @@ def read_header(path: Path, tree: object) -> LibraryInfo:
     return info
 
 
-def portable(info: LibraryInfo, folder: Path) -> LibraryInfo:
-    """The header for a file in a folder: recordings below it by their way from there, others by their names alone."""
-
-    def named(file: str) -> str:
-        way = way_from(folder, file)
-        return Path(file).name if way.startswith("../") else way
-
-    motions = [msgspec.structs.replace(motion, source=named(motion.source)) for motion in info.motions]
-    return msgspec.structs.replace(info, motions=motions, recipe=with_ways(info.recipe, named))
-
-
 def with_ways(tree: dict[str, Any], named: Callable[[str], str]) -> dict[str, Any]:
     """A recipe, as plain values, whose files are named otherwise."""
     files = {key: named(tree[key]) for key in ("body", "file", "skeleton") if tree.get(key)}
@@ -201,7 +190,15 @@ def without_motion(library: MotionLibrary, motion: str) -> MotionLibrary:
 
 def save_library(library: MotionLibrary, path: Path) -> None:
     """Writes a library whole or not at all, without absolute paths; FileFormatError if the folder cannot be written."""
-    write_arrays(path, KIND, portable(library.info, path.parent), library.network.arrays())
+    info = library.info
+
+    def named(file: str) -> str:  # recordings below the folder by their way from there, others by their names alone
+        way = way_from(path.parent, file)
+        return Path(file).name if way.startswith("../") else way
+
+    motions = [msgspec.structs.replace(motion, source=named(motion.source)) for motion in info.motions]
+    info = msgspec.structs.replace(info, motions=motions, recipe=with_ways(info.recipe, named))
+    write_arrays(path, KIND, info, library.network.arrays())
 
 
 def load_library(path: Path) -> MotionLibrary:

@@ -17,7 +17,7 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from controller.motion.bone_names import SIDES, NamedPart, Side, named_parts
+from controller.motion.bone_names import SIDES, LimbPart, NamedPart, Side, named_parts
 from controller.motion.rotations import Array
 from controller.motion.skeleton import ROOT, Skeleton
 
@@ -28,9 +28,7 @@ BEYOND_ELBOW = 1.25  # forearm and hand, mostly recorded without fingers, over t
 # and both are shorter than WHOLE.
 PART_OF_FOREARM, HALF, WHOLE = 0.78, 0.4, 1.15
 
-Part = Literal[
-    "trunk", "neck", "head", "hip", "thigh", "shank", "foot", "clavicle", "upper arm", "forearm", "hand", "other"
-]
+Part = Literal["trunk", "neck", "head", "other"] | LimbPart
 FirstBones: TypeAlias = dict[tuple[str, str], int]  # by part and side
 
 

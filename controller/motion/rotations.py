@@ -228,11 +228,6 @@ def from_matrix(m: Array) -> Array:
     return best_fit(m)
 
 
-def to_matrix(q: Array) -> Array:
-    """Rotation matrices (..., 3, 3) of unit quaternions (..., 4)."""
-    return np.stack([rotate(q, axis) for axis in np.eye(3)], axis=-1)
-
-
 def by_blocks(of: Callable[..., Array], *frames: Array) -> Array:
     """The result (T, ...) of a function of single frames (T, ...), computed in blocks to keep intermediates small."""
     first = of(*(values[:BLOCK] for values in frames))
@@ -253,12 +248,6 @@ def yaw(angle: Array | float) -> Array:
     half = 0.5 * np.asarray(angle, dtype=np.float64)
     zero = np.zeros_like(half)
     return np.stack([np.cos(half), zero, zero, np.sin(half)], axis=-1)
-
-
-def turned_about_vertical(q: Array, angle: float) -> Array:
-    """multiply(yaw(angle), q) for q (..., 4) and an angle in rad, in one step."""
-    c, s = cos(0.5 * angle), sin(0.5 * angle)
-    return q @ np.array([[c, 0.0, 0.0, s], [0.0, c, s, 0.0], [0.0, -s, c, 0.0], [-s, 0.0, 0.0, c]])
 
 
 def continuous(q: Array) -> Array:

@@ -68,12 +68,14 @@ def _column(name: str, hint: Any, lists: Mapping[str, Sequence[str]]) -> _Column
         hint, *marked = get_args(hint)
         marks = tuple(marked)
     if get_origin(hint) in (UnionType, Union):
-        return _optional(_column(name, next(one for one in get_args(hint) if one is not NoneType), lists))
+        inner = _column(name, next(one for one in get_args(hint) if one is not NoneType), lists)
+        return inner and _optional(inner)
     match marks:
         case (Names(list=which),):
             return _choice(name, lists[which])
         case (Most(items=most),):
-            return _several(_column(name, get_args(hint)[0], lists), most, get_origin(hint) or tuple)
+            inner = _column(name, get_args(hint)[0], lists)
+            return inner and _several(inner, most, get_origin(hint) or tuple)
     if get_origin(hint) is Literal:
         return _choice(name, get_args(hint))
     if hint in (float, int, bool):
@@ -93,10 +95,8 @@ def _choice(name: str, names: Sequence[str]) -> _Column:
     )
 
 
-def _optional(column: _Column | None) -> _Column | None:
+def _optional(column: _Column) -> _Column:
     """None is NaN in all numbers."""
-    if column is None:
-        return None
     none = [math.nan] * sum(column.sizes.values())
     return _Column(
         column.sizes,
@@ -124,10 +124,8 @@ def _record(kind: type, columns: Mapping[str, _Column | None]) -> _Column:
     return _Column(sizes, numbers, value)
 
 
-def _several(column: _Column | None, most: int, kind: Callable[[list[Any]], Any]) -> _Column | None:
+def _several(column: _Column, most: int, kind: Callable[[list[Any]], Any]) -> _Column:
     """Up to `most` items: all first numbers, then all second ones; NaN where there is no item."""
-    if column is None:
-        return None
     width = sum(column.sizes.values())
     none = [math.nan] * (most * width)
 

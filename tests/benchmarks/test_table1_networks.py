@@ -13,6 +13,7 @@ from benchmarks.papers.table1_networks import (
     learned_network,
 )
 from controller.learning.centralized.model_choice import mean_absolute, relative_accuracy
+from controller.motion.clip import walked_clip
 from controller.motion.formats.reading import read_clip
 from motiondeck_base.errors import FileFormatError
 
@@ -41,6 +42,7 @@ def test_on_the_papers_second_segment_learned_satellites_are_better_than_the_pap
 
 
 def test_another_recording_is_refused():
-    clip = synthetic.small_encoding().decode_clip(synthetic.march(), 120.0, "march")
+    encoding = synthetic.small_encoding()
+    clip = walked_clip("march", encoding.skeleton, encoding.decode(synthetic.march()), 120.0)
     with pytest.raises(FileFormatError, match="'march' is not CMU 86 trial 1"):
         next(centralized_table1(clip))

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.motion.anatomy import Side, anatomy
-from controller.motion.clip import Clip, walked_clip
+from controller.motion.clip import Clip
 from controller.motion.orientation import orient
 from controller.motion.rotations import (
     Array,
@@ -150,10 +150,6 @@ class BoneDirections:
     def height(self, channels: Array) -> Array:
         """Height of the root above the ground, shape (...), m."""
         return channels[..., HEIGHT]
-
-    def decode_clip(self, channels: Array, rate: float, name: str, source: str = "") -> Clip:
-        """The clip of channels (T, 4 + 3 B) at a rate in Hz, with its path from the origin."""
-        return walked_clip(name, self.skeleton, self.decode(channels), rate, source)
 
     def heading(self, rotation: Array) -> Array:
         """The heading of bodies with bone rotations (..., 1 + B, 4), shape (...), rad."""

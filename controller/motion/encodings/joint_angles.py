@@ -45,21 +45,21 @@ class _Jointed:
     """Rotations from angles of joints, or angles from rotations, once somebody asks: most ticks need only angles."""
 
     __slots__ = ()
-    angles: Array  # of the joints, shape (J,), rad
+    angles: Array  # of the joints, shape (..., J), rad
     rotation: Array
 
     def __getattr__(self, name: str) -> Array:
         if name == "rotation":
             self.rotation = _turned(self.angles)
         elif name == "angles":
-            self.angles = angles_of(self.rotation[1:])
+            self.angles = angles_of(self.rotation[..., 1:, :])
         else:
             raise AttributeError(name)
         return getattr(self, name)
 
 
 class JointPosture(_Jointed, Posture):
-    """One posture of a joint body."""
+    """Postures of a joint body."""
 
     __slots__ = ("angles",)
 
@@ -101,14 +101,9 @@ class JointAngles:
         return len(self.skeleton)
 
     @cached_property
-    def half_turns(self) -> Array:
-        """Of each channel, half of what its bone turns for 1 rad, shape (J,)."""
-        return np.full(self.channels, 0.5 * SHARE)
-
-    @cached_property
-    def _scale(self) -> Array:
+    def scale(self) -> Array:
         """The joint angle, rad, for a unit of each channel, shape (J,)."""
-        return self.half_turns / (0.5 * SHARE)
+        return np.ones(self.channels)
 
     @property
     def velocities(self) -> slice:
@@ -122,32 +117,27 @@ class JointAngles:
 
     def encode(self, clip: Clip) -> Array:
         """The angles of a clip, shape (T, J), rad."""
-        return angles_of(clip.rotation[:, 1:]) * (0.5 * SHARE / self.half_turns)
+        return angles_of(clip.rotation[:, 1:]) / self.scale
 
     def decode(self, channels: Array) -> Posture:
         """The postures of angles (..., J): 1 m high, at rest."""
-        angles = self._scale * channels
-        if channels.ndim == 1:
-            still, posture = self._still, JointPosture.__new__(JointPosture)
-            posture.height, posture.velocity, posture.turn_rate = still.height, still.velocity, still.turn_rate
-            posture.angles = angles
-            return posture
-        still = self._standing(channels.shape[:-1])
-        return Posture(still.height, still.velocity, still.turn_rate, _turned(angles))
+        posture = JointPosture.__new__(JointPosture)
+        still = self._still if channels.ndim == 1 else self._standing(channels.shape[:-1])
+        posture.height, posture.velocity, posture.turn_rate = still
+        posture.angles = self.scale * channels
+        return posture
 
-    def _standing(self, shape: tuple[int, ...]) -> Posture:
-        """Postures (...) at angles of 0."""
-        rotation = np.zeros((*shape, 1 + self.channels, 4))
-        rotation[..., 0, 0] = 1.0
-        return Posture(np.ones(shape), np.zeros((*shape, 2)), np.zeros(shape), rotation)
+    def _standing(self, shape: tuple[int, ...]) -> tuple[Array, Array, Array]:
+        """Height, velocity and turn rate of postures (...)."""
+        return np.ones(shape), np.zeros((*shape, 2)), np.zeros(shape)
 
     @cached_property
-    def _still(self) -> Posture:
+    def _still(self) -> tuple[Array, Array, Array]:
         return self._standing(())
 
     def directions(self, channels: Array) -> Array:
         """Directions of the bones, shape (..., J, 3)."""
-        turned = 2.0 * self.half_turns * channels
+        turned = SHARE * self.scale * channels
         return np.stack([np.cos(turned), np.sin(turned), np.zeros_like(turned)], axis=-1)
 
     def height(self, channels: Array) -> Array:

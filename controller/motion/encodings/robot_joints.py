@@ -19,9 +19,9 @@ from typing import ClassVar, Self
 
 import numpy as np
 
-from controller.motion.encodings.joint_angles import SHARE, JointAngles, JointBody, angles_in
+from controller.motion.encodings.joint_angles import JointAngles, JointBody, angles_in
 from controller.motion.rotations import Array, conjugate, multiply, rotate, yaw
-from controller.motion.skeleton import Pose, Posture, SkeletonInfo
+from controller.motion.skeleton import Pose, SkeletonInfo
 from motiondeck_base.errors import FileFormatError
 
 CLOCK = 0.01  # m a second of the motion; so slow that it counts nothing beside the joints
@@ -61,12 +61,12 @@ class RobotJoints(JointAngles):
         return cls(RobotBody.of(info.bones))
 
     @cached_property
-    def half_turns(self) -> Array:
-        """Of each channel, half of what its bone turns for a unit, shape (C,)."""
-        half = np.full(self.channels, 0.5 * SHARE)
-        half[self.velocities] *= LIGHTER
-        half[-len(_AXES) :] *= HALF
-        return half
+    def scale(self) -> Array:
+        """The joint angle, rad, for a unit of each channel, shape (C,)."""
+        scale = np.ones(self.channels)
+        scale[self.velocities] = LIGHTER
+        scale[-len(_AXES) :] = HALF
+        return scale
 
     @property
     def velocities(self) -> slice:
@@ -87,11 +87,11 @@ class RobotJoints(JointAngles):
         path = np.column_stack([rates, root[1:, 2], *axes])
         return np.concatenate([angles[1:], path], axis=1)
 
-    def _standing(self, shape: tuple[int, ...]) -> Posture:
-        """Postures (...) at angles of 0, which move with the clock."""
-        posture = super()._standing(shape)
-        posture.velocity[..., 0] = CLOCK
-        return posture
+    def _standing(self, shape: tuple[int, ...]) -> tuple[Array, Array, Array]:
+        """Height, velocity and turn rate of postures (...), which move with the clock."""
+        height, velocity, turn_rate = super()._standing(shape)
+        velocity[..., 0] = CLOCK
+        return height, velocity, turn_rate
 
 
 class RootPath:

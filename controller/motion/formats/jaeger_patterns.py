@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from controller.motion.clip import AS_FOUND, Clip, Format, ReadingOptions
+from controller.motion.clip import AS_FOUND, Clip, Format, ReadingOptions, walked_clip
 from controller.motion.encodings.bone_directions import FIRST_BONE, FORWARD, HEIGHT, LEFT, TURN_RATE, BoneDirections
 from controller.motion.formats.mat5 import read_mat
 from controller.motion.rotations import Array
@@ -51,7 +51,7 @@ def read_pattern(path: str | Path, options: ReadingOptions = AS_FOUND) -> Clip:
     channels[:, HEIGHT] *= MILLIMETRE
     channels[:, TURN_RATE] *= RATE
     channels[:, FORWARD : LEFT + 1] *= MILLIMETRE * RATE
-    return encoding.decode_clip(channels, RATE, pattern, Path(path).name)
+    return walked_clip(pattern, encoding.skeleton, encoding.decode(channels), RATE, Path(path).name)
 
 
 def _fields(path: str | Path) -> tuple[str, Array, Array]:

@@ -28,7 +28,6 @@ _POSES = ("identity", "tpose", "npose", "tpose-isb")  # frames that are no part 
 def read_mvnx(path: str | Path, options: ReadingOptions = AS_FOUND) -> Clip:
     """The motion in an MVNX file."""
     contents = _subject(path, _Contents(path).people, options.person)
-    names = list(contents.points)
     try:
         rate = float(contents.rate)
     except ValueError:
@@ -46,7 +45,7 @@ def read_mvnx(path: str | Path, options: ReadingOptions = AS_FOUND) -> Clip:
     bad = ~((length > 0.5) & (length < 2.0)).all(axis=1) | ~(np.abs(place).max(axis=(1, 2)) < FARTHEST)
     if bad.any():
         raise FileFormatError(f"{path}: frame {int(np.argmax(bad))} holds what is no orientation or position.")
-    tree = _tree(path, contents, names, normalise(turn), place)
+    tree = _tree(path, contents, normalise(turn), place)
     return clip_of(tree, rate, path, options, unit=1.0, up="z")
 
 
@@ -58,9 +57,9 @@ def _subject(path: str | Path, people: dict[str, _Subject], wanted: str | None) 
     return next(iter((moving or people).values()), _Subject())
 
 
-def _tree(path: str | Path, contents: _Subject, names: list[str], turn: Array, place: Array) -> JointTree:
+def _tree(path: str | Path, contents: _Subject, turn: Array, place: Array) -> JointTree:
     """The segments from the pelvis on, parents first, and the ends of the last ones."""
-    parent = {child: above for above, child in contents.joints}
+    names, parent = list(contents.points), {child: above for above, child in contents.joints}
     children: dict[str, list[str]] = {name: [] for name in names}
     for child, above in parent.items():
         if above not in children or child not in children:

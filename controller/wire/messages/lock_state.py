@@ -7,7 +7,6 @@ import msgspec
 LockSource = Literal["beat", "deck", "body", "person"]
 LockStage = Literal["searching", "locked", "waiting"]
 LOCK_SOURCES: tuple[LockSource, ...] = get_args(LockSource)
-LOCK_STAGES: tuple[LockStage, ...] = get_args(LockStage)
 
 
 class LockState(msgspec.Struct, frozen=True):

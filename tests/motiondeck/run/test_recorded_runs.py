@@ -9,6 +9,7 @@ import time
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -32,7 +33,7 @@ from controller.wire.messages.commands import (
     Switch,
 )
 from controller.wire.messages.deck_snapshot import MODES
-from controller.wire.messages.lock_state import LOCK_SOURCES, LOCK_STAGES
+from controller.wire.messages.lock_state import LOCK_SOURCES, LockStage
 from controller.wire.messages.replies import Accepted
 from controller.wire.run_recording import load_recording
 from controller.wire.snapshot_numbers import SnapshotNumbers
@@ -207,7 +208,7 @@ def test_what_the_phase_was_locked_to_is_recorded(servo_run, run, folder):
     assert set(servo_run.fields["lock_source"][:, 0]) == {LOCK_SOURCES.index("body")}
     # Its second half: a busy machine that misses ticks makes it wait for the body for a moment.
     half = servo_run.ticks // 2
-    locked = servo_run.fields["lock_state"][half:, 0] == LOCK_STAGES.index("locked")
+    locked = servo_run.fields["lock_state"][half:, 0] == get_args(LockStage).index("locked")
     assert locked.mean() > 0.5
     assert np.median(np.abs(servo_run.fields["lock_error_ms"][half:, 0][locked])) < 80.0
     free = load_recording(folder / "show.rec").fields

@@ -4,6 +4,7 @@ A frame is a line with its number, then one line per bone: its name and the valu
 skeleton. The file has no rate; CMU and HDM05 recorded at 120 Hz.
 """
 
+import math
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -63,25 +64,15 @@ def read_amc(path: str | Path, skeleton: AcclaimSkeleton, rate: float = 120.0) -
 
 def _values(path: str | Path, skeleton: AcclaimSkeleton, columns: Columns) -> tuple[Array, float | None]:
     """The values in the file, shape (frames, channels), and the angle unit that it declares, rad."""
-    lines = read_lines(path)
-    declared: float | None = None
-    for text in lines:
-        if ":" in text and text.lstrip().startswith(":"):
-            declared = _ANGLE_UNITS.get(text.partition("#")[0].split()[0].lower(), declared)
-    values = _line_by_line(path, lines, skeleton, columns)
-    if not np.isfinite(values).all():
-        _raise_infinite(path, lines, columns)
-    return values, declared
-
-
-def _line_by_line(path: str | Path, lines: list[str], skeleton: AcclaimSkeleton, columns: Columns) -> Array:
     width = sum(len(channels) for channels in skeleton.dof)
+    declared: float | None = None
     rows: list[Row] = []
     row: Row | None = None
     begin: Line | None = None  # the line with the frame's number
-    for number, text in enumerate(lines, 1):
+    for number, text in enumerate(read_lines(path), 1):
         words = text.partition("#")[0].split()
         if not words or words[0].startswith(":"):
+            declared = _ANGLE_UNITS.get(words[0].lower(), declared) if words else declared
             continue
         name = words[0]
         if len(words) == 1 and name.isdecimal() and len(name) < 10:
@@ -99,13 +90,16 @@ def _line_by_line(path: str | Path, lines: list[str], skeleton: AcclaimSkeleton,
                 span = columns[name]
                 if row is None or row[span] != [None] * (len(words) - 1) or "_" in "".join(words[1:]):
                     raise ValueError(text)
-                row[span] = map(float, words[1:])
+                values = [*map(float, words[1:])]
+                if not all(map(math.isfinite, values)):
+                    raise ValueError(text)
+                row[span] = values
             except (KeyError, ValueError):
                 raise _complaint(Line(path, number, words), row, skeleton, columns) from None
     _check_frame(begin, row, skeleton, columns)
     if not rows:
         raise FileFormatError(f"{path}: there is no frame in this file. Give a complete AMC file.")
-    return np.array(rows, dtype=np.float64)
+    return np.array(rows, dtype=np.float64), declared
 
 
 def _check_angles(path: str | Path, size: Array, angle_unit: float, declared: bool) -> None:
@@ -151,13 +145,6 @@ def _complaint(line: Line, row: Row | None, skeleton: AcclaimSkeleton, columns: 
         )
     line.numbers(len(channels))
     return line.error(f"bone '{shortened(name)}' has a second line in this frame. Remove one of them.")
-
-
-def _raise_infinite(path: str | Path, lines: list[str], columns: Columns) -> None:
-    for number, text in enumerate(lines, 1):
-        words = text.partition("#")[0].split()
-        if words and words[0] in columns:
-            Line(path, number, words).numbers(len(words) - 1)
 
 
 def skeleton_of(recording: Path, top: Path) -> Path | None:

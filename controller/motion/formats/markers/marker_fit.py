@@ -213,9 +213,8 @@ def _joint_centres(m: dict[str, Array]) -> dict[str, Array]:
 
 def _skeleton(joints: dict[str, Array], name: str) -> Skeleton:
     """The thesis's skeleton with the median lengths, left and right alike."""
-    length: dict[str, float] = {}
-    for bone, parent, _ in JAEGER_TREE:
-        length[bone] = float(np.median(np.linalg.norm(joints[bone] - joints[parent], axis=-1)))
+    lines = {bone: joints[bone] - joints[parent] for bone, parent, _ in JAEGER_TREE}
+    length = {bone: float(np.median(np.linalg.norm(line, axis=-1))) for bone, line in lines.items()}
     for bone in JAEGER_BONES:
         if bone[0] == "l":
             length[bone] = length["r" + bone[1:]] = 0.5 * (length[bone] + length["r" + bone[1:]])

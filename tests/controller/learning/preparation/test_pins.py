@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from controller.learning.preparation.loops import Seam, close_loop, pinned
-from controller.motion.clip import Clip
+from controller.motion.clip import Clip, walked_clip
 from controller.motion.encodings.bone_directions import BoneDirections
 from controller.motion.rotations import between, continuous
 from controller.motion.skeleton import thesis_skeleton
@@ -40,7 +40,7 @@ def standing(twist, lean):
 
 
 def toes_of(loop):
-    joints = ENCODING.decode_clip(np.tile(loop, (3, 1)), RATE, "played").joints()
+    joints = walked_clip("played", ENCODING.skeleton, ENCODING.decode(np.tile(loop, (3, 1))), RATE).joints()
     return joints[:, [1 + leg[-1] for leg in LEGS], :2]
 
 

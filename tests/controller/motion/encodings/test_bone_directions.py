@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bodies import random_clip, small_body
-from controller.motion.clip import Clip
+from controller.motion.clip import Clip, walked_clip
 from controller.motion.encodings.bone_directions import FIRST_BONE, HEIGHT, LEFT, TURN_RATE, BoneDirections
 from controller.motion.rotations import from_rotation_vector, multiply, normalise, rotate, yaw
 from controller.motion.skeleton import Skeleton
@@ -47,7 +47,7 @@ def test_channels_survive_the_way_to_a_clip_and_back(seed):
         channels[:, at + 1] = side * (0.2 + np.abs(channels[:, at + 1]))
     directions = channels[:, FIRST_BONE:].reshape(8, -1, 3)
     channels[:, FIRST_BONE:] = normalise(directions).reshape(8, -1)
-    back = encoding.encode(encoding.decode_clip(channels, 100.0, "there and back"))
+    back = encoding.encode(walked_clip("there and back", encoding.skeleton, encoding.decode(channels), 100.0))
     assert np.allclose(back[1:], channels[1:], rtol=0.0, atol=1e-9)
     assert np.allclose(back[0, FIRST_BONE:], channels[0, FIRST_BONE:], rtol=0.0, atol=1e-9)
 
@@ -56,7 +56,7 @@ def test_channels_survive_the_way_to_a_clip_and_back(seed):
 def test_a_clip_survives_the_way_to_channels_and_back(seed):
     clip = wandering(seed)
     encoding = BoneDirections(clip.skeleton)
-    back = encoding.decode_clip(encoding.encode(clip), clip.rate, clip.name)
+    back = walked_clip(clip.name, encoding.skeleton, encoding.decode(encoding.encode(clip)), clip.rate)
     assert np.allclose(on_the_spot(back), on_the_spot(clip), atol=1e-9)
 
 
@@ -135,7 +135,7 @@ def test_nothing_is_silenced_where_the_root_lies_off_the_hip_line():
     clip = wandering(3, pelvis)
     encoding = BoneDirections(pelvis)
     assert encoding.silent.size == 0
-    back = encoding.decode_clip(encoding.encode(clip), clip.rate, clip.name)
+    back = walked_clip(clip.name, encoding.skeleton, encoding.decode(encoding.encode(clip)), clip.rate)
     assert np.allclose(on_the_spot(back), on_the_spot(clip), atol=1e-9)
 
 

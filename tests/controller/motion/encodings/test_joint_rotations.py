@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import synthetic
-from controller.motion.clip import Clip
+from controller.motion.clip import Clip, walked_clip
 from controller.motion.encodings.bone_directions import FIRST_BONE, BoneDirections, JointRotations
 from controller.motion.encodings.encoding import encoding_of
 from controller.motion.rotations import conjugate, from_rotation_vector, multiply, normalise, to_rotation_vector
@@ -27,7 +27,7 @@ def test_every_rotation_comes_back(seed):
     assert isinstance(encoding, JointRotations)
     channels = encoding.encode(recording)
     assert channels.shape == (len(recording), encoding.channels)
-    pose = encoding.decode_clip(channels, recording.rate, "back")
+    pose = walked_clip("back", encoding.skeleton, encoding.decode(channels), recording.rate)
     # The path begins where the heading does: only the turn about the vertical may differ, the same for all bones.
     apart = multiply(pose.rotation, conjugate(recording.rotation))
     assert np.allclose(np.abs(np.sum(apart * apart[:, :1], axis=-1)), 1.0, atol=1e-7)
