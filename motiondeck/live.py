@@ -106,7 +106,6 @@ class DeckProcess:
         return f"the deck's process broke off with exit code {code}; its own message stands above"
 
     def _read_report(self) -> None:
-        """Keeps the report that the process prints in the end."""
         for line in self._stdout:
             news = _news.decode(line)
             if isinstance(news, Ended):

@@ -18,7 +18,7 @@ def near_names(name: str, known: Iterable[str], most: int = 3) -> list[str]:
     return [folded[one] for one in dict.fromkeys(near)][:most]
 
 
-def did_you_mean(name: str, known: Iterable[str], most: int = 3) -> str:
+def did_you_mean(name: str, known: Iterable[str]) -> str:
     """ " Did you mean A, B or C?", with the space before it, or nothing where no name is near."""
-    *others, last = near_names(name, known, most) or [""]
+    *others, last = near_names(name, known) or [""]
     return f" Did you mean {', '.join(others)}{' or ' * bool(others)}{last}?" if last else ""

@@ -170,7 +170,6 @@ def _rows(learned: LearnedLibrary) -> list[dict[str, Any]]:
 
 
 def _print(learned: LearnedLibrary) -> None:
-    """Prints a row for each recording, then remedies for those that failed, and doubts."""
     rows: list[tuple[str, ...]] = []
     for motion in learned.motions:
         verdict = "[green]passed[/]" if motion.passed else "[red]failed[/]" if motion.plays else "[red]left out[/]"

@@ -281,7 +281,6 @@ def _watch(spec: RunSpec, played: Played, first: RobotOnDeck, channel: Channel) 
 def _recorder(
     opening: ExitStack, spec: RunSpec, played: Played, robot: RobotOnDeck, deck: PlayableDeck, watch: Watch | None
 ) -> TickRecorder | None:
-    """Starts the recording, if any; MotiondeckError if the file cannot be written."""
     if spec.record is None:
         return None
     simulation = robot.simulation

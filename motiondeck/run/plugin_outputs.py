@@ -40,10 +40,6 @@ class PluginOutput(Protocol):
         """Ends the output; called once, when the joints are at rest."""
 
 
-class LateOutputError(MotiondeckError):
-    """A write that took too much of a tick."""
-
-
 class PluggedOutput:
     """An output of another package in a loop of a rate, Hz; fits `deck.interfaces.Output`."""
 
@@ -60,12 +56,12 @@ class PluggedOutput:
             raise MotiondeckError(f"output {name}: its lag must be {joints} numbers from 0 to {_LONGEST_LAG} s")
 
     def write(self, targets: Array, pose: Pose) -> None:
-        """Writes the targets; LateOutputError if that took more than a share LATEST of a tick."""
+        """Writes the targets; MotiondeckError if that took more than a share LATEST of a tick."""
         began = self._now()
         self._plugin.write(targets, pose)
         took = self._now() - began
         if took > self._longest:
-            raise LateOutputError(f"a write took {1e3 * took:.1f} ms, more than {1e3 * self._longest:.1f} ms")
+            raise MotiondeckError(f"a write took {1e3 * took:.1f} ms, more than {1e3 * self._longest:.1f} ms")
 
     def measured(self) -> Array | None:
         """The measured joint positions, shape (J,), rad, if it has any; MotiondeckError if they have another shape."""

@@ -219,7 +219,6 @@ def _happened(report: dict[str, Any]) -> list[str]:
 
 
 def _held_back(limited: dict[str, int], ticks: int) -> list[str]:
-    """The joints that their limits held back most, with the number of ticks."""
     often = sorted((item for item in limited.items() if item[1] > _OFTEN * ticks), key=lambda item: -item[1])
     if not often:
         return []

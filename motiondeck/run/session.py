@@ -172,7 +172,6 @@ class Session:
         return stops
 
     def _carry_out_commands(self, stop: StopRequest) -> None:
-        """Carries out commands of the sockets, and those of the timeline that are due."""
         while self.timeline and self.timeline[0].at <= self.deck.time:
             timed = self.timeline.pop(0)
             reply = self.handler.carry_out(timed.message, stop)

@@ -69,23 +69,19 @@ class Judged:
 
     def _each(self, rows: Sequence[str], jobs: Jobs | None) -> Iterator[RobotVerdict]:
         """The verdicts of some rows of the table; those that are made now are kept one by one."""
+        from joblib import cpu_count, delayed
+
+        from motiondeck_base.jobs import Jobs, spread
+
         known = _read(self._file).get(self._key, {})
-        made = self._spread([row for row in rows if row not in known], jobs)
+        new = [row for row in rows if row not in known]
+        where = jobs or Jobs(max(1, min(cpu_count(), len(new) // PER_PROCESS)))
+        made = spread((delayed(_judge)(self, row) for row in new), where, ordered=True)
         for row in rows:
             if row not in known:
                 known[row] = next(made)
                 self._keep(row, known[row])
             yield from known[row]
-
-    def _spread(self, rows: Sequence[str], jobs: Jobs | None) -> Iterator[list[RobotVerdict]]:
-        from joblib import cpu_count, delayed
-
-        from motiondeck_base.jobs import Jobs, spread
-
-        if not rows:
-            return
-        where = jobs or Jobs(max(1, min(cpu_count(), len(rows) // PER_PROCESS)))
-        yield from spread((delayed(_judge)(self, row) for row in rows), where, ordered=True)
 
     @property
     def _file(self) -> Path:

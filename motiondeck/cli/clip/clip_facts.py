@@ -32,7 +32,7 @@ def facts(recording: FittedClip) -> dict[str, Any]:
     """The statistics of a recording: m, s, Hz, m/s; extents and heights are lowest and highest."""
     clip = recording.clip
     joints = clip.joints()
-    x, y, z = np.stack([joints.min(axis=(0, 1)), joints.max(axis=(0, 1))], axis=1).tolist()
+    extents = np.stack([joints.min(axis=(0, 1)), joints.max(axis=(0, 1))], axis=1).tolist()
     step = np.linalg.norm(np.diff(clip.root_position[:, :2], axis=0), axis=-1)
     speed = np.linalg.norm(np.diff(joints, axis=0), axis=-1) * clip.rate
     fastest = int(speed.max(axis=0).argmax()) if len(clip) > 1 else 0
@@ -53,9 +53,7 @@ def facts(recording: FittedClip) -> dict[str, Any]:
         "frames": len(clip),
         "rate": clip.rate,
         "duration": clip.duration,
-        "x": x,
-        "y": y,
-        "z": z,
+        **dict(zip("xyz", extents, strict=True)),
         "root_height": [float(clip.root_position[:, 2].min()), float(clip.root_position[:, 2].max())],
         "path": float(step.sum()),
         "median_speed": float(np.median(step) * clip.rate) if len(step) else 0.0,

@@ -42,11 +42,8 @@ def scan(
     found = _answering(port, baud)
     widest = max((len(one.identity.model) for one in found), default=0)
     if as_json:
-        rows = [
-            {"baud": baud, "id": i.id, "model": i.model, "firmware": i.firmware, "alert": i.alert}
-            | {"family": i.family.name}
-            for baud, i in found
-        ]
+        names = ("id", "model", "firmware", "alert")
+        rows = [{"baud": b} | {n: getattr(i, n) for n in names} | {"family": i.family.name} for b, i in found]
         print(json.dumps({"port": port, "servos": rows}))
     for one in found if not as_json else []:
         servo = one.identity

@@ -111,7 +111,6 @@ def teach(
 
 
 def _write_keys(rig: str, out: Path, port: list[str] | None, plays: Plays | None) -> None:
-    """Opens the page of keyframes until Ctrl-C."""
     from controller.motion.encodings.joint_angles import JointBody
     from hardware.errors import RigError
     from hardware.tools.teaching import watch_hands

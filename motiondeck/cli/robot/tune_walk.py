@@ -11,7 +11,7 @@ from joblib import delayed
 from controller.deck.deck import Deck
 from controller.library.motion_library import load_library
 from controller.loop.safety.safety_envelope import SafetyEnvelope
-from motiondeck_base.errors import UnknownNameError
+from motiondeck.run.spec.program import first_motion
 from motiondeck_base.files import write_file
 from motiondeck_base.jobs import Jobs, spread
 from motiondeck_base.progress import collected, progress
@@ -29,12 +29,9 @@ def tune(file: Path, library: str, motions: list[str], seconds: float, rounds: i
     MotiondeckError if a file or a motion does not exist, the robot has no two feet, or the file cannot be written.
     """
     loaded = load_library(find_library(library))
-    for motion in motions:
-        if motion not in loaded.network.motions:
-            raise UnknownNameError.among("motion", motion, loaded.network.motions)
     robot = load_robot(file, loaded.skeleton)
     impulse = usual_push(robot.model)
-    decks = (Deck(loaded, robot.retarget, motion) for motion in motions)
+    decks = (Deck(loaded, robot.retarget, first_motion(loaded, motion)) for motion in motions)
     played = (play_course(robot, deck.update, seconds, SafetyEnvelope) for deck in decks)
     courses = collected(played, f"playing {', '.join(motions)}", len(motions))
 

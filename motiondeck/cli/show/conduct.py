@@ -257,17 +257,10 @@ def _show_status(conductor: Conductor, *, as_json: bool) -> None:
 
     state = show_state(conductor)
     if as_json:
-        present, upcoming = (
-            None if number is None else conductor.cue_name(number) for number in (state.present, state.upcoming)
-        )
-        status = {
-            "present": present,
-            "upcoming": upcoming,
-            "seconds": state.seconds,
-            "waits": state.waits,
-            "stopped_by": state.stopped_by,
-            "decks": {row.name: {"here": row.here, "stop": row.stop, "health": row.health} for row in state.decks},
-        }
+        decks = {row.name: {"here": row.here, "stop": row.stop, "health": row.health} for row in state.decks}
+        cues = {"present": state.present, "upcoming": state.upcoming}
+        status = {name: None if cue is None else conductor.cue_name(cue) for name, cue in cues.items()}
+        status |= {"seconds": state.seconds, "waits": state.waits, "stopped_by": state.stopped_by, "decks": decks}
         print(msgspec.json.encode(status).decode(), flush=True)
         return
     shown = show_line(state)

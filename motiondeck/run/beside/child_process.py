@@ -92,10 +92,9 @@ class Children:
 
     def report_dead(self) -> None:
         """Prints a line for each that has died since the last call."""
-        for child in [*self._running]:
-            process, name, then = child
+        for process, name, then in [*self._running]:
             if process.poll() is not None:
-                self._running.remove(child)
+                self._running.remove((process, name, then))
                 if process.returncode != 0:
                     self.restore_tty()
                     print(f"motiondeck: {name} has ended; {then}", file=sys.stderr)

@@ -171,7 +171,6 @@ class RigGuard:
             self._grid = now + self._period
 
     def _next(self, fresh: bool) -> Array:
-        """The safe targets of this tick."""
         stop, envelope = self.stop, self._envelope
         if self._rig.recoveries != self._recoveries:
             # Joints that were set up again begin where they stand. The others brake, and the deck comes to all of them.

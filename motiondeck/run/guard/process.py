@@ -138,7 +138,6 @@ class GuardService:
             link.send(messages.RigFailed(guard.failure))
 
     def _answers(self) -> Iterator[Note]:
-        """The answers that have come since the last call."""
         for waiting in [one for one in self._readings if one[1].done]:
             self._readings.remove(waiting)
             number, reading = waiting

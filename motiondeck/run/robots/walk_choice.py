@@ -1,7 +1,6 @@
 """Walk choice: by trial, whether a robot that was not tuned walks on its own feet, and with how straight knees."""
 
 import hashlib
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -52,13 +51,13 @@ def able_to_walk(robot: Robot, file: Path) -> Robot:
     return replace(robot, walk=choice.walk)
 
 
-def choose_walk(file: Path, walks: Sequence[WalkSettings] = WALKS) -> WalkChoice:
+def choose_walk(file: Path) -> WalkChoice:
     """The first settings with which the robot of a file walks SECONDS without a push, or why there are none."""
     library = load_library(find_library(LIBRARY))
     robot, reason = load_robot(file, library.skeleton), ""
-    with progress(f"trying whether {robot.name} walks", len(walks) + 1) as tick:
+    with progress(f"trying whether {robot.name} walks", len(WALKS) + 1) as tick:
         course = play_course(robot, Deck(library, robot.retarget, MOTION).update, SECONDS, SafetyEnvelope)
-        for walk in walks:
+        for walk in WALKS:
             tick()
             try:
                 trial = walk_trial(robot, course, settings=walk)

@@ -11,7 +11,7 @@ from controller.deck.deck import Deck
 from controller.loop.output_channel import FAULTS_TO_PARK
 from controller.motion.skeleton import Pose
 from motiondeck.run.assembly import Host, Played, open_session
-from motiondeck.run.plugin_outputs import LateOutputError, PluggedOutput, open_outputs
+from motiondeck.run.plugin_outputs import PluggedOutput, open_outputs
 from motiondeck.run.robots.robot_on_deck import open_robots
 from motiondeck.run.spec.run_spec import RunSpec
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
@@ -142,7 +142,7 @@ def test_a_late_write_is_a_fault():
 
     slow = Slow()
     output = PluggedOutput("slow", slow, 1, 100.0, now=lambda: slow.seconds)
-    with pytest.raises(LateOutputError, match=r"took 6\.0 ms, more than 5\.0 ms"):
+    with pytest.raises(MotiondeckError, match=r"took 6\.0 ms, more than 5\.0 ms"):
         output.write(np.zeros(1), POSE)
     PluggedOutput("slow", slow, 1, 50.0, now=lambda: slow.seconds).write(np.zeros(1), POSE)
 
