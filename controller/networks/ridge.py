@@ -1,9 +1,13 @@
 """Ridge regression (Deliallisi 2017, eqs 2.4, 3.12, 3.13)."""
 
 import numpy as np
+from numpy.typing import NDArray
 
-from controller.motion.rotations import Array
+from controller.motion.rotations import Array, Indices
 from motiondeck_base.errors import MotiondeckError
+
+# Frames on either side of a seam and their weight for a readout, so that both pieces meet there.
+SEAM_FRAMES, SEAM_WEIGHT = 3, 100.0
 
 
 def ridge(states: Array, targets: Array, regulariser: float) -> Array:
@@ -45,3 +49,16 @@ def affine_ridge(states: Array, targets: Array, regulariser: float, weight: Arra
     root = 1.0 if weight is None else np.sqrt(weight)[:, None]
     weights = ridge(root * (states - centre), root * (targets - middle), regulariser)
     return np.column_stack([weights, middle - weights @ centre])
+
+
+def learn_readouts(
+    states: NDArray[np.float32], piece: Indices, frames: Array, regulariser: float
+) -> NDArray[np.float32]:
+    """A readout (R, r) of each piece, (P, C, k + 1), of settled states (T, k), frames (T, C) and their `piece` (T,)."""
+    pieces = [np.flatnonzero(piece == one) for one in range(int(piece.max()) + 1)]
+    weight = np.ones(len(frames))
+    for own in pieces if len(pieces) > 1 else []:
+        weight[own[:SEAM_FRAMES]] = weight[own[-SEAM_FRAMES:]] = SEAM_WEIGHT
+    found = [affine_ridge(states[own].astype(np.float64), frames[own], regulariser, weight[own]) for own in pieces]
+    # In the memory layout of a loaded network, which then plays bit by bit the same.
+    return np.ascontiguousarray(np.stack(found), dtype=np.float32)

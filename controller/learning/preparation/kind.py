@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from controller.learning.measures.self_test import distances
 from controller.learning.preparation.loops import best_seam, eased_mm, in_place, largest_omission, with_velocities
 from controller.learning.preparation.takes import spread_of
 from controller.motion.clip import Decision, Plays
@@ -40,8 +41,7 @@ def kind_of(features: Array, rate: float, given: Plays | None = None) -> FoundKi
     """How a motion with joint positions (T, F), mm, at a rate in Hz plays; `given` overrules the figures."""
     places = in_place(features)
     seam = best_seam(places, rate, at_least=LOOP_KEEPS)
-    ends = features[seam.end] - features[seam.start]
-    apart = float(np.sqrt(np.square(ends).sum() / (features.shape[1] / 3.0)))
+    apart = float(distances(features[seam.end], features[seam.start]))
     seen = with_velocities(features, rate)
     spread = spread_of(seen)
     mismatch = float(np.linalg.norm(seen[seam.end] - seen[seam.start])) / spread

@@ -273,9 +273,8 @@ class ModelSpace:
         aims = np.eye(costs.shape[1])[list(labels)]
         aims -= aims.mean(0)
         aims -= aims.mean(1, keepdims=True)
-        gain = np.linalg.solve(
-            gram + np.eye(len(gram)) * max(MODEL_RIDGE * float(np.trace(gram)) / len(gram), 1e-12), aims
-        )
+        regulariser = max(MODEL_RIDGE * float(np.trace(gram)) / len(gram), 1e-12)
+        gain = np.linalg.solve(gram + np.eye(len(gram)) * regulariser, aims)
         gain *= (costs - costs.mean(1, keepdims=True)).std() / max(float((gram @ gain).std()), 1e-12)
         weights = (points.T @ gain).T.astype(np.float32)
         return cls(weights, -(weights @ middle.astype(np.float64)))

@@ -15,6 +15,7 @@ import msgspec
 import numpy as np
 from scipy.linalg import eigh
 
+from controller.learning.measures.self_test import distances
 from controller.learning.preparation.training_motion import Lessons, TrainingMotion
 from controller.motion.encodings.encoding import Encoding
 from controller.motion.encodings.motion_matching import joint_features
@@ -150,14 +151,9 @@ def rank_within(part: ConceptorMotion, encoding: Encoding, tolerance_mm: float) 
     """The smallest rank k >= 1 from which on the next frame of every stored state is within the tolerance, mm."""
     exact = _joints_after_a_step(part, len(part.offset), encoding)
     for rank in range(len(part.offset) - 1, 0, -1):
-        if off_mm(exact, _joints_after_a_step(part, rank, encoding)) > tolerance_mm:
+        if distances(exact, _joints_after_a_step(part, rank, encoding)).max() > tolerance_mm:
             return rank + 1
     return 1
-
-
-def off_mm(exact: Array, cut_off: Array) -> float:
-    """The largest distance between frames of joints (A, F), each the root mean square over its joints, mm."""
-    return float(np.sqrt(np.square(exact - cut_off).sum(1).max() / (exact.shape[1] / 3.0)))
 
 
 def cut(part: ConceptorMotion, rank: int) -> ConceptorMotion:

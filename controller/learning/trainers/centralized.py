@@ -22,11 +22,7 @@ class CentralizedRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True,
     # Of W: "full", or "auto" for the low rank preferred by Akaike's criterion, with at most `satellites`.
     rank: Rank = "full"
     iterations: int = 150  # of the joint refinement of all satellites
-
-    @property
-    def anchor_every(self) -> int:
-        """Frames between the states at which a motion can start."""
-        return ANCHOR_EVERY
+    anchor_every = ANCHOR_EVERY
 
 
 def _sizes(recipe: CentralizedRecipe, channels: Array, rate: float, *, loop: bool, seed: int) -> tuple[int, int]:
@@ -85,7 +81,6 @@ class CentralizedTrainer(Trainer[CentralizedRecipe]):
         return nrmse(network[motion].at(np.arange(len(frames)) / network.rate), frames)
 
     def readout_size(self, network: CentralizedNetwork, scaling: Array) -> float:
-        """The mean absolute W, of channels scaled to [-1, 1]."""
         return float(np.mean([mabs(network[name].matrix * scaling[:, None]) for name in network.motions]))
 
 

@@ -27,11 +27,7 @@ class ClipRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_onl
     digits: int = 10  # binary digits of a key behind the point, of a direction, m, m/s or rad
     # Has each motion take the keys with the fewest bytes whose mean error is at most this, mm.
     tolerance_mm: float | None = None
-
-    @property
-    def anchor_every(self) -> int:
-        """Frames between the states at which a motion can start."""
-        return 1
+    anchor_every = 1
 
 
 class ClipTrainer(Trainer[ClipRecipe]):

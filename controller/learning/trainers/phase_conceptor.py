@@ -55,7 +55,6 @@ class RidgeSums:
         self.products = np.zeros((neurons + 1, channels))  # with the targets
 
     def add(self, states: Array, targets: Array) -> None:
-        """Counts further states and their targets."""
         known = np.column_stack([states, np.ones(len(states))])
         self.squares += known.T @ known
         self.products += known.T @ targets

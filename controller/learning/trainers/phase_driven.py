@@ -25,7 +25,7 @@ from controller.networks.reservoirs.phase_reservoir import (
     PhaseReservoir,
     PhaseScales,
 )
-from controller.networks.reservoirs.readout_learning import learn_readouts, settled_frames
+from controller.networks.ridge import learn_readouts
 
 FEWEST_PIECE_FRAMES = 8  # a shorter piece does not determine its directions
 Recipe = TypeVar("Recipe", bound="PhaseDrivenRecipe")
@@ -44,11 +44,7 @@ class PhaseDrivenRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True,
     ridge: float = 1e-3  # gamma of all regressions
     drive_scale: float = 1.0  # of W_u, if a motion has an input besides the phase
     tolerance_mm: float | None = None  # selects the smallest size with which no motion has a larger error, mm
-
-    @property
-    def anchor_every(self) -> int:
-        """Frames between the states at which a motion can start."""
-        return ANCHOR_EVERY
+    anchor_every = ANCHOR_EVERY
 
     def scales(self, *, driven: bool) -> PhaseScales:
         """The scales of the shared weights; driven, if a motion has an input besides the phase."""
@@ -79,7 +75,7 @@ def settled_lesson(unread: PhaseMotion, motion: TrainingMotion) -> tuple[Float32
         states = np.concatenate([unread.settled_at(driving.level(variant.value)) for variant in motion.variants])
         frames = np.concatenate([variant.frames for variant in motion.variants])
         return states, frames, np.tile(unread.course.piece, len(motion.variants))
-    return settled_frames(unread, motion.frames)
+    return unread.settled_frames(motion.frames)
 
 
 class PhaseDrivenTrainer(Trainer[Recipe]):

@@ -43,7 +43,6 @@ class CentralizedNetwork(Network[CentralizedMotion]):
         return CentralizedNetwork(self._of, self.rate, lead_shape(runs))
 
     def joined(self, other: CentralizedNetwork) -> CentralizedNetwork:
-        """The motions of both."""
         return CentralizedNetwork(self._of | other._of, self.rate)
 
     def anchors(self, motion: str) -> Channels:
@@ -75,7 +74,6 @@ class CentralizedNetwork(Network[CentralizedMotion]):
 
     @property
     def crossing(self) -> bool:
-        """Whether it is on its way to another motion."""
         return self._source is not None
 
     def advance(self, out: Channels, noise: Activation | None = None) -> None:
@@ -94,7 +92,6 @@ class CentralizedNetwork(Network[CentralizedMotion]):
         return 2 * len(self[motion].frequency)
 
     def displace(self, noise: Activation, weights: Activation | None = None) -> None:
-        """(q, p / omega)(0) = s + noise."""
         self._player.displace(noise)
 
     def snapshot(self) -> tuple[CentersPlayer, CentersPlayer | None, tuple[object, float, float]]:
@@ -112,7 +109,6 @@ class CentralizedNetwork(Network[CentralizedMotion]):
         return part.phase + np.array([[0.0], [part.seconds]]) * part.frequency
 
     def sizes(self, motion: str) -> dict[str, float]:
-        """Centers, satellites and the largest weight of a motion."""
         part = self[motion]
         counts = {"centers": len(part.frequency), "satellites": len(part.satellites)}
         return {**counts, "largest_weight": part.largest_weight}

@@ -90,7 +90,6 @@ class ClipPlayer(Network[Frames]):
         self.cue(*snapshot)
 
     def noise_size(self, motion: str) -> int:
-        """0: it has no state that noise could reach."""
         return 0
 
     def displace(self, noise: Activation, weights: Activation | None = None) -> None:

@@ -167,7 +167,6 @@ class _ConceptorMorph:
         self._network.restore((playing, bound, self._z_target.astype(np.float32)))
 
     def give_up(self) -> None:
-        """Leaves the source playing."""
         self._network.restore((self._source, self._bound, self._z_source.astype(np.float32)))
 
     def advance(self, mu: float, out: Channels) -> None:

@@ -115,7 +115,6 @@ class EchoStateNetwork(ReservoirNetwork[EchoStateMotion]):
         self.normalisation.invert_in_place(out)
 
     def displace(self, noise: Float32, weights: Float32 | None = None) -> None:
-        """x(0) = s + noise."""
         self.activation += noise
 
     def astray(self) -> Any:
@@ -139,7 +138,6 @@ class EchoStateNetwork(ReservoirNetwork[EchoStateMotion]):
         return super().arrays() | shared | arrays_of(self.normalisation, "")
 
     def header_fields(self) -> dict[str, Any]:
-        """Leak and clipping."""
         return {"leak": self.leak, "clipped": self.clipped}
 
     @classmethod

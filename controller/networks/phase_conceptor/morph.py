@@ -64,7 +64,7 @@ class PhaseMorph:
         self._motions = network[source], network[target]
         reservoir = network.reservoir
         self._phase_weights, self._harmonics_of = reservoir.phase_weights, reservoir.harmonics_of
-        states, channels = zip(*(_settled(motion) for motion in self._motions), strict=True)
+        states, channels = [*map(_settled, self._motions)], [motion.read() for motion in self._motions]
         means = np.stack([one.mean(0) for one in states])
         centred = [one - mean for one, mean in zip(states, means, strict=True)]
         spans = [np.linalg.svd(one, full_matrices=False)[2][:RANK].T for one in centred]  # principal directions
@@ -143,21 +143,19 @@ class PhaseMorph:
         return self._readout[:, :-1] @ state + self._readout[:, -1]
 
 
-def _settled(motion: PhaseConceptorMotion) -> tuple[Array, Channels]:
-    """The states x (T, N) in which a motion settles, and the channels (T, C) that it reads from them."""
-    stored, piece = motion.stored, motion.course.piece
-    z = motion.states.astype(np.float64)
-    states, channels = np.empty((len(z), stored.mean.shape[1])), np.empty((len(z), motion.readout.shape[1]))
-    for one, (directions, mean, readout) in enumerate(zip(stored.basis, stored.mean, motion.readout, strict=True)):
-        own = piece == one
+def _settled(motion: PhaseConceptorMotion) -> Array:
+    """The states x (T, N) in which a motion settles."""
+    stored, z = motion.stored, motion.states.astype(np.float64)
+    states = np.empty((len(z), stored.mean.shape[1]))
+    for one, (directions, mean) in enumerate(zip(stored.basis, stored.mean, strict=True)):
+        own = motion.course.piece == one
         states[own] = mean.astype(np.float64) + z[own] @ directions.T.astype(np.float64)
-        channels[own] = z[own] @ readout[:, :-1].T + readout[:, -1]
-    return states, channels
+    return states
 
 
 def channels_at(motion: PhaseConceptorMotion, share: Array) -> Channels:
     """The channels of a loop at shares (T,) of its round, between frames linearly."""
-    _, channels = _settled(motion)
+    channels = motion.read()
     place = share % 1.0 * len(channels)
     low = place.astype(np.int64)
     part = (place - low)[:, None]

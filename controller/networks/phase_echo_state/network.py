@@ -28,7 +28,7 @@ from controller.networks.driving_input import DrivingInput
 from controller.networks.keys import Keys
 from controller.networks.reservoirs.phase_driven import PhaseDrivenNetwork, PhaseMotion, PhasePlayer, stored_course
 from controller.networks.reservoirs.phase_reservoir import Float32, PhaseCourse, PhaseReservoir
-from controller.networks.reservoirs.readout_learning import learn_readouts, settled_frames
+from controller.networks.ridge import learn_readouts
 from controller.networks.storage import MotionHeader, StoredNetwork, arrays_of
 
 KEYED_RIDGE = 1e-5  # gamma of readouts that keys stand for
@@ -60,7 +60,7 @@ class PhaseEchoStateMotion(PhaseMotion):
 
     def reading(self, keys: Keys) -> PhaseEchoStateMotion:
         """The motion with the readouts that keys stand for."""
-        states, frames, piece = settled_frames(self, keys.drawn(len(self), loop=self.course.loop))
+        states, frames, piece = self.settled_frames(keys.drawn(len(self), loop=self.course.loop))
         stored = StoredReadouts(learn_readouts(states, piece, frames, KEYED_RIDGE), keys)
         motion = PhaseEchoStateMotion(stored, self.course, self.reservoir)
         vars(motion)["states"] = self.states
@@ -74,7 +74,6 @@ class PhaseEchoStatePlayer(PhasePlayer[PhaseEchoStateMotion]):
     """A motion while it plays; its state is x."""
 
     def step(self, frame: int, noise: Float32 | None = None) -> None:
-        """Goes on to a frame whose phase is near the present one; noise is added to x(n+1)."""
         motion, hidden = self.motion, self.activation
         np.dot(self.state, motion.recurrent, out=hidden)
         np.add(hidden, motion.driven[frame], out=hidden)
@@ -87,7 +86,6 @@ class PhaseEchoStatePlayer(PhasePlayer[PhaseEchoStateMotion]):
         self.frame = frame
 
     def displace(self, noise: Float32) -> None:
-        """x(0) = s + noise."""
         self.state += noise
 
 

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.motion.encodings.normalisation import Normalisation
-from controller.motion.rotations import Array
+from controller.motion.rotations import Array, Indices
 from controller.networks.base import Channels, PhaseNetwork, lead_shape
 from controller.networks.driving_input import LEVELS, DrivingInput
 from controller.networks.reservoirs.phase_reservoir import (
@@ -32,6 +32,9 @@ from controller.networks.reservoirs.phase_reservoir import (
 from controller.networks.reservoirs.reservoir_network import ReservoirNetwork
 from controller.networks.storage import MotionHeader, PhaseScales, StoredNetwork, arrays_of
 from motiondeck_base.errors import UnknownNameError
+
+# Steps after the end of a one-shot, of which every HELD_EVERY-th counts for the readout of the pose that it holds.
+HELD_STEPS, HELD_EVERY = 600, 10
 
 
 class PhaseMotion(ABC):
@@ -99,6 +102,17 @@ class PhaseMotion(ABC):
         """The motion with another readout, in the units of the encoding, shape (P, C, k + 1)."""
         return type(self)(replace(self.stored, readout=readout), self.course, self.reservoir, self.driving)
 
+    def settled_frames(self, frames: Array) -> tuple[Float32, Array, Indices]:
+        """The states in which it settles at its frames (T, C) and after the end of a one-shot; frames and pieces."""
+        states, piece = self.states, self.course.piece
+        if self.course.loop:
+            return states, frames, piece
+        # The end may settle slowly, or in another state than the one in which it was learned.
+        later = self.held_on(HELD_STEPS)[HELD_EVERY - 1 :: HELD_EVERY]
+        held = np.repeat(frames[-1:], len(later), axis=0)
+        pieces = np.concatenate([piece, np.repeat(piece[-1:], len(later))])
+        return np.concatenate([states, later]), np.concatenate([frames, held]), pieces
+
     def held_on(self, steps: int) -> Float32:
         """The states of a one-shot that goes on holding its end, shape (steps, k)."""
         player = self.player(len(self) - 1, self.states[-1], self.usual)
@@ -134,13 +148,11 @@ class PhasePlayer(ABC, Generic[Motion]):
         self.place(motion, frame, state)
 
     def place(self, motion: Motion, frame: int, state: Float32) -> None:
-        """Goes to a frame of a motion, in a state."""
         self.motion, self.frame = motion, frame
         np.copyto(self.state, state)
 
     @property
     def next(self) -> int:
-        """The frame after the present one."""
         return self.motion.course.after(self.frame)
 
     @abstractmethod
@@ -247,7 +259,6 @@ class PhaseDrivenNetwork(ReservoirNetwork[Motion]):
         out[...] = self._frame
 
     def displace(self, noise: Float32, weights: Float32 | None = None) -> None:
-        """x(0) = s + noise."""
         self._player.displace(noise)
 
     def retreat(self, out: Channels) -> None:
@@ -289,7 +300,6 @@ class PhaseDrivenNetwork(ReservoirNetwork[Motion]):
         return found
 
     def header_fields(self) -> dict[str, Any]:
-        """The scales of the shared weights."""
         return {"scales": self.scales}
 
     @classmethod
@@ -303,7 +313,6 @@ class PhaseDrivenNetwork(ReservoirNetwork[Motion]):
 
     @classmethod
     def load_normalisation(cls, stored: StoredNetwork) -> Normalisation:
-        """The normalisation of a file."""
         return stored.normalisation()
 
     @classmethod

@@ -4,10 +4,10 @@ import pytest
 
 import synthetic
 from controller.learning.fit import settle
-from controller.learning.measures.self_test import run_free, self_test
+from controller.learning.measures.self_test import distances, run_free, self_test
 from controller.learning.preparation.training_motion import Lessons
 from controller.learning.recipe import read_recipe
-from controller.learning.reservoirs.conceptor_training import cut, cut_to_tolerance, off_mm, rank_within
+from controller.learning.reservoirs.conceptor_training import cut, cut_to_tolerance, rank_within
 from controller.motion.encodings.motion_matching import joint_features
 from controller.networks.conceptor.network import ConceptorNetwork
 from motiondeck_base.errors import FileFormatError
@@ -21,7 +21,7 @@ def network():
 def joints_apart(network, other, motion, frames):
     """How far two networks' joints are apart over a free run, mm."""
     runs = [joint_features(synthetic.small_encoding(), run_free(n, motion, frames)) for n in (network, other)]
-    return off_mm(*runs)
+    return distances(*runs).max()
 
 
 @pytest.mark.parametrize("motion", list(synthetic.MOTIONS))
