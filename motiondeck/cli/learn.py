@@ -103,7 +103,7 @@ def learn(options: LearnOptions, reading: Reading, as_json: JsonOption = False) 
     start is learned.
 
     With --tolerance the smallest kind of network is taken, also in place of a recipe's, of which no motion is farther
-    off than so many mm; what else was tried is printed, and the bytes and the error of a clip of splines.
+    off than MM; what else was tried is printed, and the bytes and the error of a clip of splines.
 
     A recipe (.toml) is learned as it says. Its library is written if every motion passes: each runs free for three
     times its length, and is compared with all that was trained (the self-test) and with its recording as it was read.

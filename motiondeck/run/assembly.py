@@ -19,12 +19,12 @@ from controller.loop.clock import Clock, Ticker
 from controller.loop.commands.command_handler import CommandHandler
 from controller.loop.commands.commanded_run import CommandedRun
 from controller.loop.commands.interfaces import PlayableDeck
+from controller.loop.commands.snapshots import SnapshotSource
 from controller.loop.ensemble import all_limits, together
 from controller.loop.lead import Lead
 from controller.loop.output_channel import Channel
 from controller.loop.permissions import handed_back, leave_core
 from controller.loop.safety.compiled_envelope import safety_envelope
-from controller.loop.snapshots import SnapshotSource
 from controller.loop.stop_requests import StopRequest, stop_on_signals
 from controller.motion.clip import Clip
 from controller.motion.rotations import Array

@@ -89,7 +89,7 @@ def _played(name: str, deck: Deck, count: int, *, loop: bool) -> PlayedMotion:
 
 
 def as_clip(library: MotionLibrary, motion: str, seconds: float, rate: float) -> Clip:
-    """One motion of a library as a clip of so many seconds at a rate, Hz."""
+    """One motion of a library as a clip of a length, s, at a rate, Hz."""
     deck = Deck(library, lambda pose: np.zeros(0), motion)  # only its poses are needed
     places, turns = [], []
     for _ in range(round(seconds * rate)):

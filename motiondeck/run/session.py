@@ -15,12 +15,12 @@ from controller.loop import permissions
 from controller.loop.clock import Clock
 from controller.loop.commands.command_handler import CommandHandler
 from controller.loop.commands.interfaces import PlayableDeck
+from controller.loop.commands.snapshots import SnapshotSource
 from controller.loop.correction import Correction
 from controller.loop.lead import Lead
 from controller.loop.loop import LoopState, run
 from controller.loop.output_channel import Channel
 from controller.loop.safety.safety_envelope import SafetyEnvelope
-from controller.loop.snapshots import SnapshotSource
 from controller.loop.stop_requests import StopRequest
 from controller.loop.stop_state import STOP_DOOR, StopState, WiredStop
 from controller.motion.rotations import Array

@@ -97,7 +97,7 @@ _LAST = 1.0 - 1e-6  # a phase of 1 would be that of the beginning
 
 
 class Person:
-    """A person who leads, seen from time to time in a motion; fits `phase_lock.ReferenceSource`."""
+    """A person who leads, seen now and then in a motion; fits `phase_lock.ReferenceSource`."""
 
     name: Literal["person"] = "person"
     per_minute: None = None

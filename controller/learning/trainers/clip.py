@@ -74,7 +74,7 @@ def held_frames(frames: Array, *, loop: bool) -> int:
 
 
 def fitted_keys(frames: Array, every: int, *, loop: bool) -> Array:
-    """The keys of least squares of frames (T, C), one in so many frames, shape (K, C)."""
+    """The keys of least squares of frames (T, C), `every` frames apart, shape (K, C)."""
     from scipy.sparse import csr_array, eye_array  # what plays needs none of it
     from scipy.sparse.linalg import spsolve
 

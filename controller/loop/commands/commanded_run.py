@@ -14,7 +14,7 @@ from controller.deck.recorded_deck import RecordedDeck
 from controller.deck.switch import CommandedSwitch
 from controller.loop.clock import Ticker
 from controller.loop.commands.interfaces import Client, Look, PlayableDeck, Pushable, RigServos
-from controller.loop.snapshots import SnapshotSource
+from controller.loop.commands.snapshots import SnapshotSource
 from controller.loop.stop_requests import StopRequest
 from controller.loop.stop_state import EmergencyStopError
 from controller.wire.messages import commands

@@ -36,7 +36,7 @@ class ClipPlayer(Network[Frames]):
 
     @classmethod
     def of_keys(cls, keys: dict[str, Keys], lengths: Mapping[str, int], loops: Mapping[str, bool]) -> Self:
-        """A player of motions of so many frames, drawn from their keys."""
+        """A player of motions, drawn from their keys."""
         player = cls({name: part.drawn(lengths[name], loop=loops[name]) for name, part in keys.items()}, loops)
         player.keys = keys
         return player

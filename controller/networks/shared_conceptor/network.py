@@ -2,7 +2,7 @@
 
 The equations and the player are those of `phase_conceptor`, but one V and one R serve every motion, as in Deliallisi
 2017, eqs 3.11 and 3.13. What is left to a motion are its conceptor C and its mean state m. One R reads about as many
-motions as the neurons have room for; beyond, each has an R of its own, and so has a motion that is added later. V is
+motions as the neurons have room for; beyond, each has its own, and so has a motion that is added later. V is
 always that of all.
 """
 

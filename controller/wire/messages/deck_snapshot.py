@@ -1,7 +1,8 @@
 """The state of a run at one tick: a status reply, and numbers for page and recorder.
 
-A new value is one field of `DeckSnapshot` and its line in `SnapshotSource.take` (`controller/loop/snapshots.py`);
-replies, telemetry, recordings and the page have it then (`controller/wire/snapshot_numbers.py`).
+A new value is one field of `DeckSnapshot` and its line in `SnapshotSource.take`
+(`controller/loop/commands/snapshots.py`); replies, telemetry, recordings and the page have it then
+(`controller/wire/snapshot_numbers.py`).
 """
 
 from dataclasses import dataclass

@@ -16,9 +16,9 @@ from benchmarks.simulated_time import VirtualClock
 from controller.deck.interfaces import JointLimits
 from controller.loop.commands.command_handler import CommandHandler
 from controller.loop.commands.commanded_run import CommandedRun
+from controller.loop.commands.snapshots import SnapshotSource
 from controller.loop.loop import run
 from controller.loop.safety.safety_envelope import SafetyEnvelope
-from controller.loop.snapshots import SnapshotSource
 from controller.loop.stop_requests import StopRequest
 from controller.motion.skeleton import Pose
 from controller.wire.command_socket import CommandClient, CommandServer, SocketError

@@ -7,8 +7,8 @@ import numpy as np
 
 import synthetic
 from controller.deck.deck import Deck
+from controller.loop.commands.snapshots import SnapshotSource
 from controller.loop.loop import LoopState
-from controller.loop.snapshots import SnapshotSource
 from controller.loop.stop_requests import StopRequest
 from controller.wire.telemetry import StateReader
 from motiondeck.run.page.page import Page, PageContents
