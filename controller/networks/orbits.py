@@ -11,7 +11,7 @@ which is the similarity of their conceptors (Jaeger 2014, section 3.8) for small
 they share no direction.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -63,12 +63,8 @@ def orbits(network: AnyNetwork, frames: Mapping[str, int]) -> Orbits:
     found = {motion: (seen - centre) @ directions.T for motion, seen in activations.items()}
     squares = np.square(strengths)
     share = float(squares[:SHOWN].sum() / max(float(squares.sum()), 1e-12))
-    return Orbits(directions, centre, found, share, _overlap([*activations.values()]))
-
-
-def _overlap(activations: Sequence[Activation]) -> Array:
     # trace(R_i R_j) = |X_i X_j'|^2 / (T_i T_j)
-    products = np.array([[np.square(a @ b.T).mean() for b in activations] for a in activations], dtype=np.float64)
+    parts = activations.values()
+    products = np.array([[np.square(a @ b.T).mean() for b in parts] for a in parts], dtype=np.float64)
     sizes = np.sqrt(np.maximum(products.diagonal(), 1e-12))
-    overlap: Array = products / np.outer(sizes, sizes)
-    return overlap
+    return Orbits(directions, centre, found, share, products / np.outer(sizes, sizes))

@@ -54,7 +54,20 @@ def learn_readouts(
     driven = reservoir.single()
     quiet = drive(driven, forced)
     first = [len(target) - len(motion.frames) for target, motion in zip(targets, to_learn, strict=True)]
-    runs = _noisy_runs(driven, to_learn, forced, quiet, recipe, rng)
+    runs: list[list[tuple[Floats, Array]]] = [[] for _ in to_learn]  # states and target frames of noisy runs
+    signals: list[Array] = []
+    starts: list[Floats] = []
+    asked: list[tuple[int, Array]] = []
+    for j, motion in enumerate(to_learn):
+        signal, count, lost = forced[j][first[j] :], recipe.drives, 0 if motion.loop else recipe.wrong_starts
+        signals += [signal] * count + [signal[:LOST_FOR]] * lost
+        starts += [quiet[j][first[j] - 1]] * count + [*rng.uniform(-1.0, 1.0, (lost, len(driven)))]
+        asked += [(j, motion.frames)] * count + [(j, motion.frames[:LOST_FOR])] * lost
+    if recipe.state_noise or recipe.teacher_noise:
+        noisy = [signal + recipe.teacher_noise * rng.standard_normal(signal.shape) for signal in signals]
+        states = drive(driven, noisy, state_noise=recipe.state_noise, starts=np.stack(starts), rng=rng)
+        for (j, frames), run in zip(asked, states, strict=True):
+            runs[j].append((run, frames))
     motions = {}
     for j, motion in enumerate(to_learn):
         learned, wanted = zip(*(runs[j] or [(quiet[j][first[j] :], motion.frames)]), strict=True)
@@ -65,34 +78,6 @@ def learn_readouts(
             targets[j][anchors].astype(np.float32),
         )
     return motions
-
-
-def _noisy_runs(
-    driven: Reservoir,
-    to_learn: Sequence[TrainingMotion],
-    forced: list[Array],
-    quiet: list[Floats],
-    recipe: EchoStateRecipe,
-    rng: np.random.Generator,
-) -> list[list[tuple[Floats, Array]]]:
-    """States and target frames of the noisy runs of each motion; none without noise."""
-    if recipe.state_noise == recipe.teacher_noise == 0.0:
-        return [[] for _ in to_learn]
-    signals: list[Array] = []
-    starts: list[Floats] = []
-    wanted: list[tuple[int, Array]] = []
-    for j, motion in enumerate(to_learn):
-        first = len(forced[j]) - len(motion.frames)
-        lost = 0 if motion.loop else recipe.wrong_starts
-        signals += [forced[j][first:]] * recipe.drives + [forced[j][first:][:LOST_FOR]] * lost
-        starts += [quiet[j][first - 1]] * recipe.drives + [*rng.uniform(-1.0, 1.0, (lost, len(driven)))]
-        wanted += [(j, motion.frames)] * recipe.drives + [(j, motion.frames[:LOST_FOR])] * lost
-    noisy = [signal + recipe.teacher_noise * rng.standard_normal(signal.shape) for signal in signals]
-    states = drive(driven, noisy, state_noise=recipe.state_noise, starts=np.stack(starts), rng=rng)
-    runs: list[list[tuple[Floats, Array]]] = [[] for _ in to_learn]
-    for (j, frames), run in zip(wanted, states, strict=True):
-        runs[j].append((run, frames))
-    return runs
 
 
 FACTORS = (1.0, 2.0, 0.4, 1.4)

@@ -18,14 +18,9 @@ from controller.learning.trainers.trainer import NewMotion, Trainer, mabs
 from controller.motion.encodings.normalisation import Normalisation
 from controller.motion.rotations import Array, Indices
 from controller.networks.reservoirs.phase_driven import PhaseDrivenNetwork, PhaseMotion
-from controller.networks.reservoirs.phase_reservoir import (
-    ANCHOR_EVERY,
-    Float32,
-    PhaseCourse,
-    PhaseReservoir,
-    PhaseScales,
-)
+from controller.networks.reservoirs.phase_reservoir import ANCHOR_EVERY, Float32, PhaseCourse, PhaseReservoir
 from controller.networks.ridge import learn_readouts
+from controller.networks.storage import PhaseScales
 
 FEWEST_PIECE_FRAMES = 8  # a shorter piece does not determine its directions
 Recipe = TypeVar("Recipe", bound="PhaseDrivenRecipe")

@@ -8,7 +8,6 @@ from dataclasses import replace
 from typing import Any
 
 import msgspec
-import numpy as np
 
 from controller.learning.measures.self_test import Judge
 from controller.learning.preparation.training_motion import Lessons, TrainingMotion
@@ -17,12 +16,7 @@ from controller.learning.trainers.clip import ClipRecipe, error_mm, keys_within
 from controller.learning.trainers.phase_driven import PhaseDrivenRecipe, PhaseDrivenTrainer, course_of
 from controller.learning.trainers.trainer import NewMotion, SettledNetwork
 from controller.motion.rotations import Array
-from controller.networks.phase_echo_state.network import (
-    KEYED_RIDGE,
-    PhaseEchoStateMotion,
-    PhaseEchoStateNetwork,
-    StoredReadouts,
-)
+from controller.networks.phase_echo_state.network import KEYED_RIDGE, PhaseEchoStateMotion, PhaseEchoStateNetwork
 from controller.networks.reservoirs.phase_driven import PhaseDrivenNetwork
 from controller.networks.reservoirs.phase_reservoir import PhaseReservoir
 
@@ -50,9 +44,7 @@ class PhaseEchoStateTrainer(PhaseDrivenTrainer[PhaseEchoStateRecipe]):
         self, recipe: PhaseEchoStateRecipe, motion: TrainingMotion, reservoir: PhaseReservoir, rate: float
     ) -> PhaseEchoStateMotion:
         course = course_of(motion, recipe.piece_seconds * rate)
-        shape = (int(course.piece[-1]) + 1, motion.frames.shape[1], recipe.neurons + 1)
-        stored = StoredReadouts(np.zeros(shape, dtype=np.float32))
-        return PhaseEchoStateMotion(stored, course, reservoir, motion.driving)
+        return PhaseEchoStateMotion.unread(motion.frames.shape[1], course, reservoir, motion.driving)
 
     def sized(
         self, recipe: PhaseEchoStateRecipe, lessons: Lessons, seed: int, judge: Judge, progress: Callable[[str], None]

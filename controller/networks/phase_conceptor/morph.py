@@ -19,6 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from controller.motion.clip import between_rows
 from controller.motion.rotations import Array
 from controller.networks.base import Channels
 from controller.networks.phase_conceptor.network import PhaseConceptorMotion, PhaseConceptorNetwork
@@ -156,10 +157,8 @@ def _settled(motion: PhaseConceptorMotion) -> Array:
 def channels_at(motion: PhaseConceptorMotion, share: Array) -> Channels:
     """The channels of a loop at shares (T,) of its round, between frames linearly."""
     channels = motion.read()
-    place = share % 1.0 * len(channels)
-    low = place.astype(np.int64)
-    part = (place - low)[:, None]
-    return (1.0 - part) * channels[low % len(channels)] + part * channels[(low + 1) % len(channels)]
+    round_of = np.vstack([channels, channels[:1]])
+    return between_rows(round_of, np.arange(len(round_of)), share % 1.0 * len(channels))
 
 
 def _activity(channels: Channels) -> Array:

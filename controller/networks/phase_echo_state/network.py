@@ -18,7 +18,7 @@ that the keys draw, which is solved when the motion is loaded.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,6 +57,14 @@ class PhaseEchoStateMotion(PhaseMotion):
         self.driven = reservoir.harmonics_of(course.with_lead_in[0]) @ reservoir.phase_weights.T + reservoir.bias
         self.drive = reservoir.drive_weights.sum(1)  # W_u, shape (N,)
         self.recurrent = reservoir.weights.T
+
+    @classmethod
+    def unread(
+        cls, channels: int, course: PhaseCourse, reservoir: PhaseReservoir, driving: DrivingInput | None = None
+    ) -> Self:
+        """A motion whose readouts are still to be learned."""
+        shape = (int(course.piece[-1]) + 1, channels, len(reservoir.bias) + 1)
+        return cls(StoredReadouts(np.zeros(shape, dtype=np.float32)), course, reservoir, driving)
 
     def reading(self, keys: Keys) -> PhaseEchoStateMotion:
         """The motion with the readouts that keys stand for."""
@@ -118,9 +126,8 @@ class PhaseEchoStateNetwork(PhaseDrivenNetwork[PhaseEchoStateMotion]):
         if at + "packed" in stored.stored:
             keys = Keys.load(stored, at, motion.frames)
             _, held, _, pieces = keys.course.tolist()
-            blank = StoredReadouts(np.zeros((pieces, own["c"], own["e"]), dtype=np.float32))
             course = PhaseCourse.of(motion.frames, pieces, loop=loop, held=held)
-            return PhaseEchoStateMotion(blank, course, reservoir).reading(keys)
+            return PhaseEchoStateMotion.unread(own["c"], course, reservoir).reading(keys)
         readouts = StoredReadouts(stored.read(at, own, readout="pce")["readout"])
         return PhaseEchoStateMotion(readouts, stored_course(stored, motion, own["p"]), reservoir, motion.input)
 

@@ -22,14 +22,8 @@ from controller.motion.encodings.normalisation import Normalisation
 from controller.motion.rotations import Array, Indices
 from controller.networks.base import Channels, PhaseNetwork, lead_shape
 from controller.networks.driving_input import LEVELS, DrivingInput
-from controller.networks.reservoirs.phase_reservoir import (
-    ANCHOR_EVERY,
-    SETTLING_STEPS,
-    Float32,
-    PhaseCourse,
-    PhaseReservoir,
-)
-from controller.networks.reservoirs.reservoir_network import ReservoirNetwork
+from controller.networks.reservoirs.phase_reservoir import ANCHOR_EVERY, SETTLING_STEPS, PhaseCourse, PhaseReservoir
+from controller.networks.reservoirs.reservoir_network import Float32, ReservoirNetwork
 from controller.networks.storage import MotionHeader, PhaseScales, StoredNetwork, arrays_of
 from motiondeck_base.errors import UnknownNameError
 
