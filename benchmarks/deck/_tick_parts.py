@@ -25,8 +25,7 @@ from controller.motion.rotations import Array
 from motiondeck.run.session import Session
 from sim.physics.playback import PhysicsPlayback
 from sim.physics.simulated_servos import Servos
-from sim.retargeting.baked_root import BakedRoot
-from sim.retargeting.footing import Footing
+from sim.retargeting.footing import BakedRoot, Footing
 from sim.retargeting.human_stance import HumanStance
 from sim.retargeting.retarget import LimbAngles, ServoHumanoidRetargeter
 

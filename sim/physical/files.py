@@ -5,10 +5,11 @@ NAME.npz is what the simulated robot did (`training_files`); NAME.infeasible.npz
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from controller.motion.canonical.clip_edits import resampled, without_reference_pose
-from controller.motion.clip import AS_FOUND, Clip, ReadingOptions
+from controller.motion.clip import AS_FOUND, ReadingOptions
 from controller.motion.formats.reading import read_clip
 from motiondeck_base.errors import MotiondeckError
 from sim.models.robot_file import Solver
@@ -61,33 +62,19 @@ def stood_files(
     for path in paths:
         try:
             clip = read_clip(path, options)
-            yield _stood(loader, path, clip, out, format, solver, seed, lambda at, name=path.name: progress(name, at))
+            if clip.skeleton.is_rig:
+                raise MotiondeckError(f"{path}: these joint angles have lost their path. Give the human's recording.")
+            clip = resampled(without_reference_pose(clip)[0], RATE)
+            fitted = loader(clip.skeleton, solver, 1.0 / RATE)
+            stage = PhysicalStage(fitted, retargeted(fitted, clip))
+            found = stage.best(seed, partial(progress, path.name))
+            place = out / f"{path.stem}{'' if found.fell_s is None else MARK}.npz"
+            try:
+                out.mkdir(parents=True, exist_ok=True)
+            except OSError as error:
+                raise MotiondeckError.unwritable(out, error) from None
+            write_training_file(place, fitted.model, found.motion.qpos, RATE, format)
+            seconds, errors = (len(clip) - 1) / RATE, (found.path_m, found.pose_deg)
+            yield StoodFile(str(path), place.name, seconds, found.fell_s, stage.plain(), *errors)
         except MotiondeckError as error:
             yield StoodFile(str(path), error=str(error))
-
-
-def _stood(
-    loader: RobotLoader,
-    path: Path,
-    clip: Clip,
-    out: Path,
-    format: Format,
-    solver: Solver | None,
-    seed: int,
-    progress: Callable[[float], None],
-) -> StoodFile:
-    if clip.skeleton.is_rig:
-        raise MotiondeckError(f"{path}: these joint angles have lost their path. Give the human's recording.")
-    clip, _ = without_reference_pose(clip)
-    clip = resampled(clip, RATE)
-    robot = loader(clip.skeleton, solver, 1.0 / RATE)
-    stage = PhysicalStage(robot, retargeted(robot, clip))
-    found = stage.best(seed, progress)
-    place = out / f"{path.stem}{'' if found.fell_s is None else MARK}.npz"
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise MotiondeckError.unwritable(out, error) from None
-    write_training_file(place, robot.model, found.motion.qpos, RATE, format)
-    seconds, errors = (len(clip) - 1) / RATE, (found.path_m, found.pose_deg)
-    return StoodFile(str(path), place.name, seconds, found.fell_s, stage.plain(), *errors)

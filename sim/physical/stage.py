@@ -94,18 +94,14 @@ class PhysicalStage:
 
     def plain(self) -> float | None:
         """The second at which the robot falls with the motion's targets alone, or None."""
-        course = self.course
-        return self._fallen(
-            played(self.batch, course, course.states[0], 0, np.zeros((1, *course.targets[1:].shape)))[0], 0
-        )
+        course, none = self.course, np.zeros((1, *self.course.targets[1:].shape))
+        return self._fallen(played(self.batch, course, course.states[0], 0, none)[0], 0)
 
     def _fallen(self, states: Array, knot: int) -> float | None:
         """The second at which a robot in states (K, n) from a knot on has fallen, beside the course; or None."""
-        standing = self._robot.model.qpos0[3:7]
-        fallen = (
-            has_fallen(here, asked, standing) for here, asked in zip(states, self.course.states[knot:], strict=False)
-        )
-        return next(((knot + row) * KNOT for row, fell in enumerate(fallen) if fell), None)
+        standing, rows = self._robot.model.qpos0[3:7], zip(states, self.course.states[knot:], strict=False)
+        fallen = (at for at, (here, asked) in enumerate(rows, knot) if has_fallen(here, asked, standing))
+        return next((at * KNOT for at in fallen), None)
 
     def _found(self, states: Array, offsets: Array, fell: float | None) -> OnItsFeet:
         count, course = len(states), self.course

@@ -13,6 +13,7 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
+from controller.motion.encodings.robot_joints import RootPath
 from controller.motion.rotations import IDENTITY, Array
 from controller.motion.skeleton import Pose
 from sim.models.kinematic_tree import Scratch, UprightPelvis, below
@@ -179,3 +180,22 @@ class FixedBase(Footing):
     def place(self, pose: Pose, qpos: Array) -> None:
         """Writes the root's position and rotation into qpos (nq,)."""
         qpos[:7] = self._place
+
+
+class BakedRoot(Footing):
+    """Places the root of a robot whose motions were carried to it beforehand: where it was, footing included."""
+
+    def __init__(self) -> None:
+        self._path = RootPath()
+
+    def reset(self, dt: float | None = None) -> None:
+        """Resets the place."""
+        self._path.reset()
+
+    def heading(self, human: float) -> float:
+        """Where the robot faces, rad; the human's heading is not known."""
+        return self._path.heading
+
+    def place(self, pose: Pose, qpos: Array) -> None:
+        """Writes the root's position and rotation into qpos (nq,)."""
+        qpos[:7] = self._path(pose)

@@ -22,19 +22,7 @@ from controller.motion.rotations import IDENTITY, Array, conjugate, from_rotatio
 from motiondeck_base.errors import FileFormatError
 from sim.models.ball_joints import unplayed_balls
 from sim.models.kinematic_tree import below, hinges_at, hinges_between, path_to
-from sim.robots.standing_body import (
-    ARM,
-    LEG,
-    STANDS,
-    RobotLimb,
-    StandingBody,
-    can_bend,
-    end_joint,
-    front_direction,
-    limb_bodies,
-    possible_bends,
-    rival_bends,
-)
+from sim.robots.standing_body import ARM, LEG, STANDS, RobotLimb, StandingBody, can_bend
 
 # Least length of a leg, in heights of the robot, and least cosine of its angle to the vertical.
 LEG_SHARE, DOWN = 0.25, 0.5
@@ -137,8 +125,8 @@ class _Matcher:
         own = hinges_between(self.model, self.root, pelvis) if pelvis != self.root else []
         parts = {"pelvis": self.body.name(pelvis if own else self.root)}
         stands = [self.body.limb(end, pelvis) for end in legs]
-        parts |= limb_bodies(self.body, LEG, dict(zip("rl", stands, strict=True)), ahead, self.bends)
-        rivals = {"leg": rival_bends(self.body, dict(zip("rl", stands, strict=True)))}
+        parts |= self.body.limb_bodies(LEG, dict(zip("rl", stands, strict=True)), ahead, self.bends)
+        rivals = {"leg": self.body.rival_bends(dict(zip("rl", stands, strict=True)))}
 
         branches = {self.body.branch(leg, pelvis) for leg in legs}
         rest = [e for e in self.ends if self.body.branch(e, pelvis) not in branches]
@@ -148,8 +136,8 @@ class _Matcher:
         if arms:
             chest = self._chest([*arms.values()], left)
             limbs = {side: self._beside(self.body.limb(end, chest), left) for side, end in arms.items()}
-            parts |= limb_bodies(self.body, ARM, limbs, ahead, self.bends)
-            rivals["arm"] = rival_bends(self.body, limbs)
+            parts |= self.body.limb_bodies(ARM, limbs, ahead, self.bends)
+            rivals["arm"] = self.body.rival_bends(limbs)
             self.leg_share = max(map(self.body.length, stands)) / max(map(self.body.length, limbs.values()))
             hinges = {len(limb.joints) for limb in (*stands, *limbs.values())}
             self.limbs_alike = len(hinges) == 1 and abs(self.leg_share - 1.0) < ALIKE
@@ -195,12 +183,12 @@ class _Matcher:
         ahead = np.array([left[1], -left[0], 0.0])
         limbs = {side: self._beside(self.body.limb(end, chest), left) for side, end in arms.items()}
         parts = {"pelvis": self.body.name(self.root), "chest": self.body.name(chest)}
-        parts |= limb_bodies(self.body, ARM, limbs, ahead, self.bends)
+        parts |= self.body.limb_bodies(ARM, limbs, ahead, self.bends)
         branches = {self.body.branch(arm, chest) for arm in arms.values()}
         rest = [end for end in self.ends if self.body.branch(end, chest) not in branches]
         centre, shoulders = 0.5 * (starts["l"] + starts["r"]), max(float(at[2]) for at in starts.values())
         head = self._head(rest, chest, centre * (1.0, 1.0, 0.0), left, shoulders)
-        return self._matched(parts, head, ahead, {"arm": rival_bends(self.body, limbs)})
+        return self._matched(parts, head, ahead, {"arm": self.body.rival_bends(limbs)})
 
     def _legs(self) -> list[int]:
         """The ends of the two limbs that stand on the floor."""
@@ -287,9 +275,9 @@ class _Matcher:
         reach, seen, folding = 0.0, True, True
         for leg in legs:
             limb = self.body.limb(leg, pelvis)
-            knee = possible_bends(self.body, limb, limb)[0]
-            ankle = end_joint(self.body, limb, knee)
-            ahead = front_direction(self.body, limb, knee) @ across if ankle is None else 0.0
+            knee = self.body.possible_bends(limb, limb)[0]
+            ankle = self.body.end_joint(limb, knee)
+            ahead = self.body.front_direction(limb, knee) @ across if ankle is None else 0.0
             last, seen = (limb.joints[-1], False) if ankle is None else (ankle, seen)
             mine = np.isin(self.surface.body, below(self.model, int(self.model.jnt_bodyid[last])))
             folding = folding and (ahead != 0.0 or ankle is not None)

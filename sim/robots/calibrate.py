@@ -37,16 +37,7 @@ from sim.retargeting.retarget import SERVO_HUMANOID_JOINTS, LimbAngles
 from sim.retargeting.robot_limbs import RobotLimbs, limb_directions
 from sim.robots.body_matching import match
 from sim.robots.limb_directions import LimbDirections
-from sim.robots.proportions import (
-    HUMAN,
-    Doubt,
-    SegmentPair,
-    limb_doubts,
-    range_doubts,
-    segments_of,
-    undriven_limbs,
-    unit_doubts,
-)
+from sim.robots.proportions import HUMAN, Doubt, SegmentPair, limb_doubts, segments_of, undriven_limbs, unit_doubts
 from sim.robots.robot import joint_ranges
 
 NO_LEGS = "it has no legs: their motion, the human's way, and the lean beyond its waist are left out"
@@ -204,8 +195,7 @@ def calibrate(path: Path, packages: Mapping[str, Path] | None = None, bends: Col
     )
     undriven = tuple(name for name in hinges if name not in layout.joints and name not in coupled)
     unsure += undriven_limbs(model, found.parts, segments, undriven)
-    directions = LimbDirections(model, found.parts, found.root_rotation)
-    unsure += limb_doubts(found.parts, segments, directions) + range_doubts(model, found.parts, directions.standing)
+    unsure += limb_doubts(found.parts, segments, LimbDirections(model, found.parts, found.root_rotation))
     return Calibration(
         name=path.stem,
         model=path.resolve(),

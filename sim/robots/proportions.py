@@ -62,7 +62,7 @@ def segments_of(model: mujoco.MjModel, parts: dict[str, str], limbs: RobotLimbs,
 
 
 def limb_doubts(parts: dict[str, str], segments: list[SegmentPair], directions: LimbDirections) -> list[Doubt]:
-    """Limbs that do not fit a human's body, or knees and elbows that `LimbDirections` finds elsewhere."""
+    """Limbs that do not fit a human's body, or their twins; knees and elbows that `LimbDirections` finds elsewhere."""
     arms = {"r_upper_arm": "right", "l_upper_arm": "left"}
     found = [Doubt("", f"no {side} arm was found", True) for name, side in arms.items() if name not in parts]
     found += [
@@ -89,7 +89,7 @@ def limb_doubts(parts: dict[str, str], segments: list[SegmentPair], directions: 
                 bend = BENDS[segment.part]
                 words = f"its {bend} is taken to be '{hinge}', but '{other}' folds the limb more"
                 found.append(Doubt(f"{side}_{segment.part}", words, True))
-    return found
+    return found + _range_doubts(directions.model, parts, directions.standing)
 
 
 def undriven_limbs(
@@ -134,7 +134,7 @@ def unit_doubts(model: mujoco.MjModel, height: float) -> list[Doubt]:
     return found
 
 
-def range_doubts(model: mujoco.MjModel, parts: dict[str, str], standing: mujoco.MjData) -> list[Doubt]:
+def _range_doubts(model: mujoco.MjModel, parts: dict[str, str], standing: mujoco.MjData) -> list[Doubt]:
     """Hinges of a left leg or arm whose ranges do not mirror the right one, for a robot `standing` along x."""
     found = []
     for trunk, ends in (("pelvis", ("foot", "shank")), ("chest", ("hand", "forearm"))):

@@ -220,10 +220,5 @@ def _carried_at(
         found += carried_findings(robot, directions, carried, clip.rate)
         floor = floor_measures(clip, robot, carried.qpos, file.parts)
         found.append(limited("into the ground", 1e3 * floor["sunk"], 1e3 * SUNK_LIMIT, "mm"))
-    measures = {
-        "limbs_deg": limbs,
-        "too_fast": int(counts["too_fast"]),
-        "sunk_m": floor["sunk"],
-        "slide_m_s": floor["slide"],
-    }
-    return robot, motion, measures, found
+    measures = {"limbs_deg": limbs, "too_fast": int(counts["too_fast"])}
+    return robot, motion, measures | {"sunk_m": floor["sunk"], "slide_m_s": floor["slide"]}, found

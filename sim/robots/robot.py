@@ -37,8 +37,7 @@ from sim.models.robot_file import JointLimit, RobotFile, Row, Solver, read_robot
 from sim.models.scenery import add_gantry, add_lamp, set_stage
 from sim.models.servo_motor import Motors, ServoMotor, strength
 from sim.models.walk_settings import WalkSettings
-from sim.retargeting.baked_root import BakedRoot
-from sim.retargeting.footing import FixedBase, Footing
+from sim.retargeting.footing import BakedRoot, FixedBase, Footing
 from sim.retargeting.human_stance import HumanStance
 from sim.retargeting.limb_finder import without_legs
 from sim.retargeting.retarget import MannequinRetargeter, ServoHumanoidRetargeter
@@ -332,25 +331,16 @@ def symmetric_pose(skeleton: Skeleton, bends: Bends) -> Pose:
     """The pose, the same on both sides, with an upright trunk at the height of a standing root, heading along x."""
     shank, forearm = bends.hip - bends.knee, bends.shoulder + bends.elbow
     # Angles forwards from straight down.
-    raised: dict[Part, float] = {
-        "thigh": bends.hip,
-        "shank": shank,
-        "foot": shank + 0.5 * math.pi + bends.ankle,
-        "upper arm": bends.shoulder,
-        "forearm": forearm,
-        "hand": forearm,
-    }
+    raised: dict[Part, float] = {"upper arm": bends.shoulder, "forearm": forearm, "hand": forearm}
+    raised |= {"thigh": bends.hip, "shank": shank, "foot": shank + 0.5 * math.pi + bends.ankle}
     rotation = np.tile(IDENTITY, (1 + len(skeleton), 1))
     for bone, (part, parent) in enumerate(zip(anatomy(skeleton).part, skeleton.parent, strict=True)):
         if part in raised:
-            rotation[1 + bone] = between(skeleton.rest_direction[bone], _direction(raised[part]))
+            direction = np.array([math.sin(raised[part]), 0.0, -math.cos(raised[part])])
+            rotation[1 + bone] = between(skeleton.rest_direction[bone], direction)
         elif parent != ROOT:
             rotation[1 + bone] = rotation[1 + parent]
     return Pose(np.array([0.0, 0.0, skeleton.leg_length]), np.zeros(()), rotation)
-
-
-def _direction(raised: float) -> Array:
-    return np.array([math.sin(raised), 0.0, -math.cos(raised)])
 
 
 class TargetLimiter(Protocol):

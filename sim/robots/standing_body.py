@@ -134,90 +134,83 @@ class StandingBody:
         """Its name in the file."""
         return str(self.model.body(int(body)).name)
 
+    def limb_bodies(
+        self, names: tuple[str, str, str], limbs: dict[str, RobotLimb], ahead: Array, bends: Collection[str]
+    ) -> dict[str, str]:
+        """Part, such as "l_shank", to the name of its body, for three parts of each limb, or two without an end hinge.
 
-def limb_bodies(
-    body: StandingBody,
-    names: tuple[str, str, str],
-    limbs: dict[str, RobotLimb],
-    ahead: Array,
-    bends: Collection[str] = (),
-) -> dict[str, str]:
-    """Part, such as "l_shank", to the name of its body, for the three parts of each limb, or two without an end hinge.
+        `names` is LEG or ARM, `limbs` "l" and "r" to limbs that can bend, `ahead` (3,) the robot's heading, and `bends`
+        the names of hinges that are knees or elbows.
+        """
+        parts, data, moved = {}, self.data, self.model.jnt_bodyid
+        for side, limb in limbs.items():
+            bend = next((k for k, joint in enumerate(limb.joints) if self.model.joint(joint).name in bends), 0)
+            bend = bend or self.possible_bends(limb, limbs.get("l" if side == "r" else "r", limb))[0]
+            knee = limb.joints[bend]
+            upper = next(
+                (joint for joint in reversed(limb.joints[:bend]) if moved[joint] != moved[knee]), limb.joints[0]
+            )
+            found = [upper, knee]
+            end = self.end_joint(limb, bend)
+            if end is not None:
+                at = data.xanchor[end]
+                span = float(np.linalg.norm(at - data.xanchor[knee]))
+                for joint in limb.joints[limb.joints.index(end) + 1 :]:
+                    way = data.xanchor[joint] - at
+                    if way @ ahead < TOES_SHARE * span if names is LEG else np.linalg.norm(way) < FINGERS_SHARE * span:
+                        end = joint
+                found.append(end)
+            parts |= {f"{side}_{name}": self.name(moved[joint]) for name, joint in zip(names, found, strict=False)}
+        return parts
 
-    `names` is LEG or ARM, `limbs` "l" and "r" to limbs that can bend, `ahead` (3,) the robot's heading, and `bends` the
-    names of hinges that are knees or elbows.
-    """
-    parts, data, moved = {}, body.data, body.model.jnt_bodyid
-    for side, limb in limbs.items():
-        bend = next((k for k, joint in enumerate(limb.joints) if body.model.joint(joint).name in bends), 0)
-        bend = bend or possible_bends(body, limb, limbs.get("l" if side == "r" else "r", limb))[0]
-        knee = limb.joints[bend]
-        upper = next((joint for joint in reversed(limb.joints[:bend]) if moved[joint] != moved[knee]), limb.joints[0])
-        found = [upper, knee]
-        end = end_joint(body, limb, bend)
-        if end is not None:
-            at = data.xanchor[end]
-            span = float(np.linalg.norm(at - data.xanchor[knee]))
-            for joint in limb.joints[limb.joints.index(end) + 1 :]:
-                way = data.xanchor[joint] - at
-                if way @ ahead < TOES_SHARE * span if names is LEG else np.linalg.norm(way) < FINGERS_SHARE * span:
-                    end = joint
-            found.append(end)
-        parts |= {f"{side}_{name}": body.name(moved[joint]) for name, joint in zip(names, found, strict=False)}
-    return parts
+    def possible_bends(self, limb: RobotLimb, twin: RobotLimb) -> list[int]:
+        """The indices of a limb's joints that may be its knee (elbow), from the trunk on: much of it on both sides.
 
+        The first is taken to be it. A limb without a twin is its own.
+        """
+        at = [self.data.xanchor[j] for j in limb.joints]
+        between = at[0] - self.data.xanchor[twin.joints[0]]
+        mirror = between / max(float(np.linalg.norm(between)), 1e-9)
+        score: dict[int, float] = {}
+        for k in range(1, len(at)):
+            if self.model.jnt_bodyid[limb.joints[k]] == self.model.jnt_bodyid[limb.joints[0]]:
+                continue  # it would leave no body for the upper segment
+            up = start_of(self.data, limb.joints[:k], at[k]) - at[k]
+            down = farthest([*at[k + 1 :], limb.tip], at[k]) - at[k]
+            axis = self.data.xaxis[limb.joints[k]]
+            share = min(float(np.linalg.norm(up)), float(np.linalg.norm(down)))
+            across = min(sine(axis, up), sine(axis, down)) >= ACROSS
+            other = self.data.xaxis[twin.joints[k]] if len(twin.joints) == len(limb.joints) else axis
+            other = other - 2.0 * (other @ mirror) * mirror
+            # Other hinges are knees only if there is no better one.
+            score[k] = share * (1.0 if across and abs(axis @ other) >= PARALLEL else 0.1)
+        most = max(score.values())
+        return [k for k, value in score.items() if value >= BEND_SHARE * most]
 
-def possible_bends(body: StandingBody, limb: RobotLimb, twin: RobotLimb) -> list[int]:
-    """The indices of a limb's joints that may be its knee (elbow), from the trunk on: much of the limb on both sides.
+    def rival_bends(self, limbs: dict[str, RobotLimb]) -> list[tuple[str, ...]]:
+        """Other hinges that may be the knees (elbows) of a limb and its twin, right and left, by name."""
+        sides = [side for side in "rl" if side in limbs]
+        pairs = zip([limbs[side] for side in sides], [limbs[side] for side in reversed(sides)], strict=True)
+        possible = [self.possible_bends(*pair) for pair in pairs]
+        joints, moved = [limbs[side].joints for side in sides], self.model.jnt_bodyid
+        return [
+            tuple(self.model.joint(mine[k]).name for mine in joints)
+            for k in possible[0][1:]
+            if all(k in other for other in possible) and moved[joints[0][k]] != moved[joints[0][possible[0][0]]]
+        ]
 
-    The first is taken to be it. A limb without a twin is its own.
-    """
-    at = [body.data.xanchor[j] for j in limb.joints]
-    between = at[0] - body.data.xanchor[twin.joints[0]]
-    mirror = between / max(float(np.linalg.norm(between)), 1e-9)
-    score: dict[int, float] = {}
-    for k in range(1, len(at)):
-        if body.model.jnt_bodyid[limb.joints[k]] == body.model.jnt_bodyid[limb.joints[0]]:
-            continue  # it would leave no body for the upper segment
-        up = start_of(body.data, limb.joints[:k], at[k]) - at[k]
-        down = farthest([*at[k + 1 :], limb.tip], at[k]) - at[k]
-        axis = body.data.xaxis[limb.joints[k]]
-        share = min(float(np.linalg.norm(up)), float(np.linalg.norm(down)))
-        across = min(sine(axis, up), sine(axis, down)) >= ACROSS
-        other = body.data.xaxis[twin.joints[k]] if len(twin.joints) == len(limb.joints) else axis
-        other = other - 2.0 * (other @ mirror) * mirror
-        # Other hinges are knees only if there is no better one.
-        score[k] = share * (1.0 if across and abs(axis @ other) >= PARALLEL else 0.1)
-    most = max(score.values())
-    return [k for k, value in score.items() if value >= BEND_SHARE * most]
+    def end_joint(self, limb: RobotLimb, knee: int) -> int | None:
+        """The first joint of the ankle (wrist), for the index of the knee; None without one."""
+        at = self.data.xanchor[limb.joints[knee]]
+        upper = float(np.linalg.norm(start_of(self.data, limb.joints[:knee], at) - at))
+        return end_hinge(self.data, limb.joints[knee + 1 :], at, upper)
 
-
-def rival_bends(body: StandingBody, limbs: dict[str, RobotLimb]) -> list[tuple[str, ...]]:
-    """Other hinges that may be the knees (elbows) of a limb and its twin, right and left, by name."""
-    sides = [side for side in "rl" if side in limbs]
-    pairs = zip([limbs[side] for side in sides], [limbs[side] for side in reversed(sides)], strict=True)
-    possible = [possible_bends(body, *pair) for pair in pairs]
-    joints, moved = [limbs[side].joints for side in sides], body.model.jnt_bodyid
-    return [
-        tuple(body.model.joint(mine[k]).name for mine in joints)
-        for k in possible[0][1:]
-        if all(k in other for other in possible) and moved[joints[0][k]] != moved[joints[0][possible[0][0]]]
-    ]
-
-
-def end_joint(body: StandingBody, limb: RobotLimb, knee: int) -> int | None:
-    """The first joint of the ankle (wrist), for the index of the knee; None without one."""
-    at = body.data.xanchor[limb.joints[knee]]
-    upper = float(np.linalg.norm(start_of(body.data, limb.joints[:knee], at) - at))
-    return end_hinge(body.data, limb.joints[knee + 1 :], at, upper)
-
-
-def front_direction(body: StandingBody, limb: RobotLimb, knee: int) -> Array:
-    """The front of a leg without an ankle, shape (3,), m: away from the fold of its knee."""
-    joint = limb.joints[knee]
-    axis, at = body.data.xaxis[joint], body.data.xanchor[joint]
-    up, down = at - start_of(body.data, limb.joints[:knee], at), limb.tip - at
-    return -folds(body.model, joint, axis, up, down) * np.cross(axis, down)
+    def front_direction(self, limb: RobotLimb, knee: int) -> Array:
+        """The front of a leg without an ankle, shape (3,), m: away from the fold of its knee."""
+        joint = limb.joints[knee]
+        axis, at = self.data.xaxis[joint], self.data.xanchor[joint]
+        up, down = at - start_of(self.data, limb.joints[:knee], at), limb.tip - at
+        return -folds(self.model, joint, axis, up, down) * np.cross(axis, down)
 
 
 def can_bend(model: mujoco.MjModel, joints: Sequence[int]) -> bool:

@@ -112,7 +112,10 @@ class Walker:
         self._takes = min(1.0, dt / max(smoothed, dt))
         self._yields = self._set.feed_forward * self._body.legs / stiffness
         self._motion.qpos[2] -= self._stance(self._motion)[0][:, 2].mean()
-        self._widest = self._find_widest()
+        goal, height = self._motion.qpos.copy(), float(self._motion.qpos[2])
+        goal[2] -= self._set.bend * height
+        widths = self._set.width * height, WIDE * self._set.width * height
+        self._widest = widest_stance(self._body, goal, self._flat, self._sides, *widths) / height
         self.start(self._motion)
         check_legs(robot, model, self._body, tuple(feet), self._half * self._set.roll)
 
@@ -153,7 +156,10 @@ class Walker:
         """Replaces a goal (nq,) of the played motion by the walking posture, for the robot's state and heading, rad."""
         gait, omega = self._gait, self._omega
         self._now += self._dt
-        self._look_ahead(goal, heading)
+        self._momentum.add(goal)
+        self._motion.qpos[:] = goal
+        mujoco.mj_kinematics(self._model, self._motion)
+        self.preview.add(goal, heading, *self._stance(self._motion), self._pitches(self._motion))
         seen = self._estimate.see(data, gait.standing)
         soles, yaws = self._stance(seen)
         soles -= self._from_flat(yaws, self._pitches(seen))
@@ -185,19 +191,6 @@ class Walker:
         self._pressure = np.array([np.interp(self._now, times, knots[:, axis]) for axis in range(2)])
         self._carry(goal, self._pressure, legs.arm)
         self.travel.add(data.qpos[:2])
-
-    def _find_widest(self) -> float:
-        goal, settings = self._motion.qpos.copy(), self._set
-        height = float(goal[2])
-        goal[2] -= settings.bend * height
-        most = WIDE * settings.width
-        return widest_stance(self._body, goal, self._flat, self._sides, settings.width * height, most * height) / height
-
-    def _look_ahead(self, goal: Array, heading: float) -> None:
-        self._momentum.add(goal)
-        self._motion.qpos[:] = goal
-        mujoco.mj_kinematics(self._model, self._motion)
-        self.preview.add(goal, heading, *self._stance(self._motion), self._pitches(self._motion))
 
     def _stand_where_it_landed(self, foot: int, soles: Array, yaws: Array) -> None:
         """Continues the plan from the foot's real landing place, seen from the other foot."""
