@@ -13,8 +13,7 @@ from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save
 
 from motiondeck_base.errors import FileFormatError
-from motiondeck_base.files import shortened, write_file
-from motiondeck_base.mistaken_files import what_it_is
+from motiondeck_base.files import shortened, what_it_is, write_file
 from motiondeck_base.printable import printable
 
 LARGEST_BYTES = 2**30

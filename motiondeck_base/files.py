@@ -11,9 +11,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from motiondeck_base.errors import FileFormatError, MotiondeckError
-from motiondeck_base.mistaken_files import what_it_is
 
 LARGEST = 256 * 2**20  # bytes; CMU's files need that much for three quarters of an hour
+GZIP, ZIP = b"\x1f\x8b", b"PK\x03\x04"
+_WEB_PAGES = (b"<!doctype html", b"<html")
+_FBX = (b"Kaydara FBX Binary", b"; FBX ")
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,6 +81,25 @@ def listed(names: Iterable[str]) -> str:
     """The first few of some names, for a message."""
     every = [shortened(name) for name in names]
     return ", ".join(every[:8]) + (", ..." if len(every) > 8 else "")
+
+
+def what_it_is(path: str | Path, content: bytes, *, archive: bool = False) -> str | None:
+    """What a file is, by its beginning, instead of what its name says, and the remedy; None if it begins as none.
+
+    A zip archive is expected where `archive` says so.
+    """
+    beginning = content[:1024].lstrip().lower()
+    if content.startswith(b"version https://git-lfs.github.com/spec/"):
+        return "a Git LFS pointer, which stands for the file. Fetch the file itself: git lfs pull"
+    if content.startswith(GZIP):
+        return f"the file is packed by gzip. Unpack it: gunzip < {Path(path).name} > NEW."
+    if content.startswith(ZIP) and not archive:
+        return "a zip archive. Unpack it, and give the files in it."
+    if beginning.startswith(_WEB_PAGES):
+        return "a web page, such as a site sends instead of a file. Fetch the file again."
+    if content.startswith(_FBX):
+        return "an FBX file under another name. Convert it, in Blender or with FBX2glTF, to .glb or .bvh."
+    return None
 
 
 def read_bytes(path: str | Path, largest: int = LARGEST, *, archive: bool = False) -> bytes:

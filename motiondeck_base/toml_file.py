@@ -17,7 +17,7 @@ from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
 import msgspec
 
 from motiondeck_base.errors import FileFormatError
-from motiondeck_base.mistaken_files import what_it_is
+from motiondeck_base.files import what_it_is
 from motiondeck_base.near_names import near_names
 
 T = TypeVar("T")

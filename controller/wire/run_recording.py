@@ -20,7 +20,7 @@ import numpy as np
 
 from controller.wire.telemetry import Array, named
 from motiondeck_base.errors import FileFormatError
-from motiondeck_base.mistaken_files import what_it_is
+from motiondeck_base.files import what_it_is
 
 VERSION = 6
 READABLE = (1, 2, 3, 4, 5, 6)

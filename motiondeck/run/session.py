@@ -159,12 +159,7 @@ class Session:
         door, guarded, wired = self.door, self.guarded, self.wired_stop
         stops = list[Callable[[StopRequest], None]]()
         if door is not None:
-
-            def poll_door(stop: StopRequest) -> None:
-                for _ in range(door.poll()):
-                    stop.state.press(STOP_DOOR)
-
-            stops.append(poll_door)
+            stops.append(lambda stop: stop.state.count(STOP_DOOR, stop.state.presses.get(STOP_DOOR, 0) + door.poll()))
         if guarded:
             stops.append(lambda stop: stop.state.count(STOP_DOOR, guarded[0].door_presses))
         if wired is not None:

@@ -17,8 +17,7 @@ from controller.motion.clip import AS_FOUND, Clip, Format, ReadingOptions
 from controller.motion.joint_tree import MOST_POSES, JointTree, chosen_person, clip_of, free_name
 from controller.motion.rotations import Array, normalise, rotate
 from motiondeck_base.errors import FileFormatError
-from motiondeck_base.files import shortened
-from motiondeck_base.mistaken_files import what_it_is
+from motiondeck_base.files import shortened, what_it_is
 
 MOST_SEGMENTS, MOST_SUBJECTS = 200, 100
 FARTHEST = 1e5  # m

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
+from controller.loop.commands.interfaces import PlayableDeck
 from controller.loop.loop import LoopState
 from controller.motion.rotations import Array
 from controller.motion.skeleton import Pose, Skeleton
@@ -43,7 +44,7 @@ def on_floor(robot: RobotOnDeck) -> PhysicsPlayback | None:
 class PageContents:
     """The parts of a run that its page shows."""
 
-    deck: Deck | RecordedDeck
+    deck: PlayableDeck
     robots: Sequence[RobotOnDeck]  # at least one
     human: Skeleton | None  # the skeleton whose motion is shown beside the robot, if that is known
     watch: Watch | None
@@ -119,8 +120,6 @@ class PageContents:
 
 
 if TYPE_CHECKING:
-    from controller.deck.deck import Deck
-    from controller.deck.recorded_deck import RecordedDeck
     from motiondeck.page.clip_page import Act
 
 SERVOS_EVERY = 5  # pictures
