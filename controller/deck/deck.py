@@ -196,9 +196,7 @@ class Deck(Lockable):
         """Plays a motion after all queued; UnknownNameError, or MotiondeckError if MOST_QUEUED are waiting."""
         self._check(to)
         if len(self.plan.queued) >= MOST_QUEUED:
-            raise MotiondeckError(
-                f"the queue is full: {MOST_QUEUED} motions are waiting; wait until one of them begins"
-            )
+            raise MotiondeckError(f"the queue is full: {MOST_QUEUED} motions wait; wait until one of them begins")
         self.performance.tracks.leading.finish_round()
         return self.plan.enqueue(CommandedSwitch(to, self.time))
 

@@ -20,9 +20,8 @@ from controller.deck.share import Share
 from controller.motion.rotations import Array
 from motiondeck_base.errors import MotiondeckError
 
+# The angle of each joint that takes part in a gaze, per angle of the gaze to the left and up.
 Gains = Mapping[str, tuple[float, float]]
-"""The angle of each joint that takes part in a gaze, per angle of the gaze to the left and up."""
-
 FOLLOW = 80.0  # 1/s
 LIVE = "live"  # in place of the motion of a layer
 
@@ -97,9 +96,8 @@ class LiveValues:
             raise MotiondeckError(f"{group} goes from -1 (its lower limit) over 0 (its zero) to 1 (its upper limit)")
         indices, limits = self._groups[group], self._limits
         zero, end = np.clip(0.0, limits.lower, limits.upper), limits.upper if value > 0.0 else limits.lower
-        return self._follow(
-            dict(zip(indices.tolist(), (zero + abs(value) * (end - zero))[indices], strict=True)), seconds
-        )
+        values = (zero + abs(value) * (end - zero))[indices].tolist()
+        return self._follow(dict(zip(indices.tolist(), values, strict=True)), seconds)
 
     def gaze(self, left: float, up: float, ahead: float, seconds: float) -> bool:
         """Looks at a point to the left, up and ahead of the eyes, m; returns and raises as `set`."""

@@ -70,8 +70,7 @@ class Lockable(Paced, ABC):
         PHASE.check(phase)
         STEPS.check(steps)
         self.require_phase()
-        beats: Beats | None = None
-        person: Person | None = None
+        beats = person = None
         if source == "body":
             if self.measured is None:
                 raise MotiondeckError("this deck has no joints that are measured")

@@ -24,20 +24,14 @@ from controller.motion.skeleton import Pose, Posture
 
 # A difference in joint velocity counts as much as the distance it covers in this time (8 frames at 120 Hz), s.
 VELOCITY_REACH = 8.0 / 120.0
-
-# How long it takes to change the blend weight from 0 to 1, or a network from one motion to another, s.
-MORPH_SECONDS = 1.0
-
+MORPH_SECONDS = 1.0  # in which the blend weight changes from 0 to 1, or a network from one motion to another
 # From which share of the limits of a join on it is replaced: halfway from what a fade means to use to all of them. One
 # that uses no more than it means to is left alone: replaced while it speeds up, a body would swing farther still.
 CORRECTED_FROM = 0.5 * (PLANNED_SHARE + 1.0)
-
 # By how much more of the limits a join has to need to be replaced again: the fade that replaces it takes its time too.
 CORRECTED_AGAIN = 0.05
-
 # Between which shares of the limits a blend weight changes more and more slowly, how slowly at least, and how soon, s.
 EASED_FROM, EASED_TO, SLOWEST, EASING_SECONDS = 0.7, 0.8, 0.2, 0.1
-
 BLEND_TURNS_OVER = 2.0  # a blend whose weights change is given up beyond this multiple of the limits of a join
 
 
@@ -202,11 +196,10 @@ class Performance:
 
     def _change_body(self, fade: Fade) -> None:
         self._body_elapsed += self._dt
-        self._body_shown = self._body_goal
         if self._body_elapsed < MORPH_SECONDS:
             self._body_shown = self._body_goal + fade.left(self._body_elapsed)
         else:
-            self._body = None
+            self._body_shown, self._body = self._body_goal, None
         self._next.offsets = self._body_shown
 
     def _extrapolate(self, dt: float) -> None:

@@ -38,15 +38,13 @@ class PersonFollower:
         if height is not None and not 0.5 <= height <= 2.5:
             raise MotiondeckError(f"a person of {height:g} m; give their height in metres, from 0.5 to 2.5")
         motions = [read_motions(library)[name] for name in library.network.motions]
-        bodies = [body_course(library, motion) for motion in motions]
+        own, bodies = [names.index(point) for point in points], [body_course(library, motion) for motion in motions]
         resting = skeleton.chain @ (skeleton.rest_direction * skeleton.length[:, None])
-        tall = float(np.ptp(resting[:, 2]))
-        self._scale = tall / height if height is not None else 1.0
-        self._motions = motions
-        own = [names.index(point) for point in points]
+        self._scale = float(np.ptp(resting[:, 2])) / height if height is not None else 1.0
         loops = [motion.loop for motion in motions]
+        self._steps = [len(turns) // (3 if loop else 1) for (_, turns), loop in zip(bodies, loops, strict=True)]
         self._filter = PhaseFilter([body[:, own] for body, _ in bodies], [heading for _, heading in bodies], loops)
-        self._points = tuple(points)
+        self._motions, self._points = motions, tuple(points)
         self._shown, self._other = -1, 0  # the motion that counts, and the steps for which another is sure
         self._near: float | None = None  # the frame that is expected next
 
@@ -64,22 +62,15 @@ class PersonFollower:
             return None
         place, motion = self._filter.place(self._shown, self._near), self._motions[self._shown]
         self._near = place.frame + place.tempo
-        phase = place.frame / _steps(motion)
+        phase = place.frame / self._steps[self._shown]
         return motion.name, phase % 1.0 if motion.loop else min(max(phase, 0.0), 1.0), place.tempo
 
 
 def body_course(library: MotionLibrary, motion: Motion) -> tuple[Array, Array]:
     """The joints of a motion in the world, at RATE: (T, 1 + B, 3), m, and its headings (T,); of a loop three rounds."""
-    steps = _steps(motion)
-    playing, dt = MotionGenerator(library, motion.name), _seconds(motion) / steps
+    seconds = motion.seconds if motion.loop else motion.whole
+    steps = max(2, round(seconds * RATE))
+    playing, dt = MotionGenerator(library, motion.name), seconds / steps
     rows = [playing.step(dt if row else 0.0) for row in range(3 * steps if motion.loop else steps)]
     pose = walk_path(library.encoding.decode(np.array(rows)), dt)
     return library.encoding.skeleton.joints(pose.root_position, pose.rotation), pose.heading
-
-
-def _seconds(motion: Motion) -> float:
-    return motion.seconds if motion.loop else motion.whole
-
-
-def _steps(motion: Motion) -> int:
-    return max(2, round(_seconds(motion) * RATE))

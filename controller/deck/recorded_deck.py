@@ -93,7 +93,5 @@ class RecordedDeck(Paced):
         """The motions that were blended in here, each with its weight then."""
         if self._blend is None:
             return ()
-        numbers, weights = (values[int(self._place)].tolist() for values in self._blend)
-        return tuple(
-            (self.motions[int(number)], weight) for number, weight in zip(numbers, weights, strict=True) if number >= 0
-        )
+        parts = zip(*(values[int(self._place)].tolist() for values in self._blend), strict=True)
+        return tuple((self.motions[int(number)], weight) for number, weight in parts if number >= 0)

@@ -18,9 +18,8 @@ from controller.motion.rotations import Array, dot, normalise
 from controller.motion.skeleton import Pose
 
 DELAY_TICKS = 2
-
+# Rows: the weights of four targets for 1, u, u^2, u^3, where u in [0, 1] leads from the second to the third.
 _BASIS: Array = np.array([[1, 4, 1, 0], [-3, 0, 3, 0], [3, -6, 3, 0], [-1, 3, -3, 1]], dtype=np.float64) / 6.0
-"""Rows: the weights of four targets for 1, u, u^2, u^3, where u in [0, 1] leads from the second to the third."""
 
 
 class TargetCurve:

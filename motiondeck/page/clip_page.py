@@ -121,7 +121,6 @@ class _Stage:
         self._shown = -1
         self._dragged = 0.0
         gui, head = page.gui, self._head
-        gui.configure_theme(show_share_button=False, show_logo=False, brand_color=(38, 110, 200))
         self._where = gui.add_html("")
         longest = max((head.frames - 1) / head.rate, 1.0 / head.rate)
         self._bar = gui.add_slider("time", min=0.0, max=longest, step=1.0 / head.rate, initial_value=0.0)
@@ -141,17 +140,16 @@ class _Stage:
         scene = page.scene
         self._ground = scene.add_frame("/act", show_axes=False)
         self._bones = None
-        thick = 0.007 * self._scene.height
+        height = self._scene.height
         if act.bones.shape[1]:
-            self._bones = scene.add_line_segments("/act/bones", act.bones[0].astype(np.float32), BONE, thickness=thick)
+            bones = act.bones[0].astype(np.float32)
+            self._bones = scene.add_line_segments("/act/bones", bones, BONE, thickness=0.007 * height)
         self._prints = [
             add_print(page, f"/act/print{number}", mark.corners, PRINT, visible=False)
             for number, mark in enumerate(act.prints)
         ]
         self._marks = [
-            scene.add_icosphere(
-                f"/act/contact{foot}", radius=0.04 * self._scene.height, color=STANDS, opacity=0.6, visible=False
-            )
+            scene.add_icosphere(f"/act/contact{foot}", radius=0.04 * height, color=STANDS, opacity=0.6, visible=False)
             for foot in range(act.stands.shape[1])
         ]
 

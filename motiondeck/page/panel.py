@@ -3,7 +3,6 @@
 import time
 from collections.abc import Callable
 from functools import partial
-from pathlib import Path
 from typing import NamedTuple, cast
 
 import viser
@@ -20,7 +19,7 @@ from motiondeck.page.ghost import WAYS
 from motiondeck.page.motions.motion_controls import MotionControls
 from motiondeck.page.scene import CAMERAS
 from motiondeck.page.web.page_state import PageDescription
-from motiondeck.page.web.page_style import CURRENT, NOTICE_SECONDS, STOPS, STYLE, buttons_in_line
+from motiondeck.page.web.page_style import NOTICE_SECONDS, STOPS, STYLE, buttons_in_line
 from motiondeck.page.web.parts import PageParts, ask
 from motiondeck.page.web.private_page import PrivatePage
 from motiondeck.page.web.state_line import ended_line, state_line
@@ -141,7 +140,6 @@ class Panel:
         self._moved = 0.0  # when a hand was on the tempo, s
         self._notices = Notices(page)
         gui = page.gui
-        gui.configure_theme(show_share_button=False, show_logo=False, brand_color=CURRENT)
         gui.main_panel.dock_right()  # the scene has what is left, and nothing covers the robot
         gui.main_panel.set_width(PANEL_WIDTH)
         gui.add_html(STYLE + buttons_in_line(3))
@@ -160,18 +158,9 @@ class Panel:
         self._end.on_click(self._ask_to_end)
         self._step = gui.add_button("Step", icon=icons.PLAYER_SKIP_FORWARD, color="gray", visible=False, hint=step)
         self._step.on_click(lambda _: self.send(say.StepOn(seconds=STEP)))
-        self.motion_controls = MotionControls(
-            self.parts,
-            about.motions,
-            Path(about.library_file) if about.library_file else None,
-            has_phase=about.has_phase,
-            direct=about.direct,
-            verdicts=about.verdicts,
-            send=self.send,
-        )
-        self._tempo = gui.add_slider(
-            "tempo", min=TEMPO.lowest if about.has_phase else 0.0, max=TEMPO.highest, step=0.05, initial_value=1.0
-        )
+        self.motion_controls = MotionControls(self.parts, about, self.send)
+        lowest = TEMPO.lowest if about.has_phase else 0.0
+        self._tempo = gui.add_slider("tempo", min=lowest, max=TEMPO.highest, step=0.05, initial_value=1.0)
         self._tempo.on_update(self._tempo_moved)
         self._tap = self._add_tap() if about.has_phase else None
         if about.groups and about.library_file:

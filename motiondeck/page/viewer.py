@@ -9,6 +9,7 @@ import os
 import shutil
 import sys
 import time
+from collections.abc import Mapping
 from pathlib import Path
 
 # The page draws; this process needs no OpenGL, and starts sooner without.
@@ -17,13 +18,15 @@ os.environ.setdefault("MUJOCO_GL", "disable")
 import msgspec
 import numpy as np
 
+from controller.motion.rotations import Array
 from controller.wire.command_socket import CommandClient
 from controller.wire.messages.commands import Subscribe
 from controller.wire.messages.replies import Event
 from controller.wire.run_folder import REASON_FILE
+from controller.wire.snapshot_numbers import SnapshotNumbers
 from controller.wire.telemetry import StateReader, named
 from motiondeck.page.deck_view import DeckView
-from motiondeck.page.web.page_state import PageDescription, PictureReader
+from motiondeck.page.web.page_state import PageDescription, Picture, PictureArrays
 from motiondeck.page.web.private_page import served
 from motiondeck_base.errors import MotiondeckError
 
@@ -44,7 +47,11 @@ def view(state: Path, command_port: int | None, port: int) -> None:
         time.sleep(0.01)
     reader = StateReader.open(state)
     about = msgspec.convert(reader.description, PageDescription)
-    pictures = PictureReader(about)
+    numbers = SnapshotNumbers(about.motions, recognizable=about.recognizable, joints=about.joints)
+
+    def picture(shared: Mapping[str, Array]) -> Picture:
+        return Picture(numbers.read(shared), PictureArrays.over(shared, about.shapes))
+
     command_port = about.command_port if command_port is None else command_port
     try:
         with served(port, f"Motiondeck · {about.robot}") as page:
@@ -59,12 +66,12 @@ def view(state: Path, command_port: int | None, port: int) -> None:
                 latest = reader.read()
                 if latest is not None and latest["tick"][0] != last_tick and np.isfinite(latest["qpos"]).all():
                     last_tick = latest["tick"][0]
-                    shown.show(pictures.read(latest), now)
+                    shown.show(picture(latest), now)
                 if shown.recording:
                     # More states are published than pictures drawn.
                     last_state, values = reader.since(last_state or reader.latest - 1)
                     for each in values:
-                        shown.record(pictures.read(named(each, reader.fields)))
+                        shown.record(picture(named(each, reader.fields)))
                 else:
                     last_state = 0
                 show_events(events, shown)
@@ -99,7 +106,7 @@ def main(state: str, port: str, command_port: str | None = None) -> int:
         print(f"motiondeck: {error}", file=sys.stderr)
         return 1
     except KeyboardInterrupt:
-        return 0
+        pass
     return 0
 
 

@@ -65,8 +65,7 @@ def film_look(
         raise MotiondeckError(f"--fps {fps:g} is not between 1 and 240 pictures a second")
     if camera not in CAMERAS:
         raise UnknownNameError.among("camera", camera, CAMERAS)
-    asked = (int(numbers[1]), int(numbers[2]))
-    return FilmLook(asked, fps or usual_fps, camera, ghost, footprints)
+    return FilmLook((int(numbers[1]), int(numbers[2])), fps or usual_fps, camera, ghost, footprints)
 
 
 def film_run(spec: RunSpec, program: Program, video: Path, look: FilmLook) -> tuple[dict[str, Any], str]:

@@ -95,7 +95,7 @@ class OffScreen:
         if ghost is not None:
             self._other.qpos[:] = ghost
             mujoco.mj_kinematics(self._model, self._other)
-        self._aim(qpos, cut)
+        self.follow(qpos, cut)
         self._gl.make_current()
         every = mujoco.mjtCatBit.mjCAT_ALL.value
         for rect, view in zip(self._rects, self._cameras, strict=True):
@@ -116,12 +116,8 @@ class OffScreen:
                 part[:] = _smoothed(part)
         return picture
 
-    def follow(self, qpos: Array) -> None:
-        """Lets the cameras follow a robot (nq,) that is not drawn."""
-        self._aim(qpos, cut=False)
-
-    def _aim(self, qpos: Array, cut: bool) -> None:
-        """Points the cameras at the middle of all roots, from so far away that all is in the picture."""
+    def follow(self, qpos: Array, cut: bool = False) -> None:
+        """Points the cameras at the middle of all roots of qpos (nq,), from so far away that all is in the picture."""
         places = np.array([qpos[root : root + 2] for root in self._roots])
         here = 0.5 * (places.min(axis=0) + places.max(axis=0))
         if not self._aimed or cut:
@@ -149,8 +145,7 @@ class OffScreen:
         size = np.array([0.5 * np.linalg.norm(along), 0.5 * np.linalg.norm(across), 0.001 * self._tall])
         ahead = along / max(float(np.linalg.norm(along)), 1e-9)
         axes = np.array([[ahead[0], -ahead[1], 0.0], [ahead[1], ahead[0], 0.0], [0.0, 0.0, 1.0]])
-        geom = scene.geoms[scene.ngeom]
-        middle = corners.mean(axis=0)
+        geom, middle = scene.geoms[scene.ngeom], corners.mean(axis=0)
         mujoco.mjv_initGeom(geom, mujoco.mjtGeom.mjGEOM_BOX, size, middle, axes.ravel(), np.array(PRINT, np.float32))
         geom.category = mujoco.mjtCatBit.mjCAT_DECOR.value
         scene.ngeom += 1

@@ -53,8 +53,7 @@ class SideBySide:
         small = replace(pose, root_position=pose.root_position * self.scale)
         self.human.place(self.human.retarget(small), small, self._qpos[:split])
         limits = self.robot.limits
-        targets = np.clip(self.robot.retarget(pose), limits.lower, limits.upper)
-        self.robot.place(targets, pose, self._qpos[split:])
+        self.robot.place(np.clip(self.robot.retarget(pose), limits.lower, limits.upper), pose, self._qpos[split:])
         self._qpos[split : split + 2] = self._apart + self._qpos[slice(split, split + 2) if own_path else slice(2)]
         return self._qpos
 

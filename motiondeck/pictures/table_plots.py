@@ -68,10 +68,8 @@ def _bars(table: Table) -> Figure:
             heights = np.array([np.nan if row[name] is None else float(row[name] or 0.0) for row in rows])
             at = np.arange(len(rows)) + (i - (len(names) - 1) / 2.0) * thick
             low, high = (f"{name.removesuffix(' %')} {end}" for end in ("low", "high"))
-            whiskers = None
-            if low in rows[0]:
-                ends = np.array([[float(row[end] or 0.0) for row in rows] for end in (low, high)])
-                whiskers = np.abs(ends - heights)
+            ends = np.array([[float(row.get(end) or 0.0) for row in rows] for end in (low, high)])
+            whiskers = np.abs(ends - heights) if low in rows[0] else None
             axes.bar(at, heights, thick, yerr=whiskers, capsize=2, label=name.removesuffix(" %"))
         axes.set_xticks(np.arange(len(rows)), [str(row[label]) for row in rows], rotation=45, ha="right")
         axes.set_ylim(bottom=0.0)

@@ -170,12 +170,9 @@ def _written_whole(path: Path) -> Iterator[Path]:
 
 def _nameless(folder: Path) -> int | None:
     """An unnamed file in a folder, gone with its process; None where the system has none."""
-    flag = getattr(os, "O_TMPFILE", None)
-    if flag is None:
-        return None
     try:
-        return os.open(folder, flag | os.O_RDWR, 0o644)
-    except OSError:
+        return os.open(folder, os.O_TMPFILE | os.O_RDWR, 0o644)
+    except (AttributeError, OSError):
         return None
 
 

@@ -67,9 +67,7 @@ class BodyCourse:
 ENTRY_SHARE = 0.1
 HELD_M = 0.02
 LEAST_SPEED, LEAST_ACCELERATION = 0.5, 2.0  # m/s, m/s^2; less is standing still
-
-PEAKS_OVER = 0.005
-"""The time over which the largest speeds and accelerations are taken, s; over a shorter one a footfall is harder."""
+PEAKS_OVER = 0.005  # s over which the largest speeds and accelerations are taken; over less a footfall is harder
 
 
 @dataclass(frozen=True)

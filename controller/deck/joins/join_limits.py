@@ -13,8 +13,8 @@ from controller.deck.joins.deck_motions import PEAKS_OVER, Motion
 from controller.motion.rotations import Array
 from controller.motion.skeleton import Pose, Skeleton
 
+# Limits of a join: speed and acceleration of a body point, as multiples of the largest in its motions.
 FASTEST, HARDEST = 1.5, 2.0
-"""Limits of a join: speed and acceleration of a body point, as multiples of the largest in its motions."""
 
 
 @dataclass(frozen=True)

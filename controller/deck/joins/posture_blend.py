@@ -44,14 +44,10 @@ from controller.motion.rotations import (
 from controller.motion.rotations import between as shortest_turn
 from controller.motion.skeleton import Posture
 
-HEADING_RATE = 4.0
-"""How quickly the smooth heading follows that of the hips, 1/s (a critically damped filter of second order)."""
-
+HEADING_RATE = 4.0  # 1/s, at which the smooth heading follows that of the hips (critically damped, of second order)
 LONGER = 1.2 * np.pi  # a bone changes sides when it is pi + LONGER min(w, 1 - w) rad ahead of the mean of the others
-
+# The shortest time in which a turn runs out, s; half a turn takes a second, others its root of their share of that.
 LEAST_SECONDS = 0.2
-"""The shortest time in which a turn runs out, s; half a turn takes a second, others its root of their share of that."""
-
 TWIST_JUMP = 1.0  # a rotation that changes by more than this (rad) in a tick is a jump of a bone's twist
 MEAN_STEPS = 3  # of the mean of more than two motions (`benchmarks many_blends` has what is left to the mean itself)
 

@@ -22,17 +22,13 @@ two of three beats fall near the old beat.
 
 SHORTEST, LONGEST = 0.25, 1.5  # periods that are captured, s: 240 to 40 beats a minute
 GATE = 0.3  # a beat that is off by more, in periods, is ignored
-
+# Intervals that differ by less are alike, of their length; off from whole numbers of periods, of a period.
 ALIKE, OFF = 0.1, 0.2
-"""Intervals that differ by less are alike, of their length; off from whole numbers of periods, of a period."""
-
 MOST_LOST = 8  # periods without a beat after which the next two beats begin it anew
 
 _ROOT = 0.7
 _GAIN, _PERIOD_GAIN = 1.0 - _ROOT**2, (1.0 - _ROOT) ** 2
-
-# The tolerance of the limits of captured periods, which a beat at the limit and a tick of rounding still keep.
-_SLACK = 0.02
+_SLACK = 0.02  # of the limits of captured periods, which a beat at the limit and a tick of rounding still keep
 
 
 class BeatClock:

@@ -107,10 +107,7 @@ Measured = Callable[[], Array | None]
 
 FREE = 0.08  # so far behind, s of the motion at tempo 1, is how servos follow; the tempo stays as it was commanded
 REACH = 0.12  # lag beyond FREE over which the tempo falls to zero, s
-
-BESIDE, STOPPED = 0.15, 0.3
-"""A joint that is off the motion's path by the first slows it down, one by the second stops it, rad."""
-
+BESIDE, STOPPED = 0.15, 0.3  # rad off the path of the motion, from which on a joint slows it down, and stops it
 _WAITS = 0.5  # a tempo that is off by more than this share of the commanded one is that of a held body
 
 

@@ -32,9 +32,7 @@ class Steering:
 
 
 MOST, STIFFNESS = 1.0, 5.0  # corrections of the tempo: at most this much, and 1/s for small errors
-
-# The share of the rate of the tempo that braking uses; the rest is left for what the reference itself does.
-_SHARE = 0.8
+_SHARE = 0.8  # of the rate of the tempo, that braking uses; the rest is left for what the reference itself does
 
 
 def wrapped(phase: float, modulus: float = 1.0) -> float:
@@ -58,13 +56,9 @@ def correction(error: float, rate: float) -> float:
     return math.copysign(min(speed, MOST), error)
 
 
-LOCKED_WITHIN, LOST_BEYOND = 0.02, 0.05
-"""A loop is locked after an error below the first for HELD seconds, until it is beyond the second, s."""
-
-HELD = 0.2
-
+# A loop is locked after an error below the first for HELD seconds, until it is beyond the second, s.
+LOCKED_WITHIN, LOST_BEYOND, HELD = 0.02, 0.05, 0.2
 JUMPS_BEYOND = 0.8  # error beyond which a loop jumps instead of changing its tempo, s of the motion
-
 _SLOWEST = 0.1  # a reference below this tempo stands: then errors are seconds of the motion
 
 

@@ -49,12 +49,9 @@ class Beats:
         return self._chosen
 
 
+# What has been seen of another deck since the last call, at a time of this deck's clock, s.
 Leader = Callable[[float], Sighting | None]
-"""What has been seen of another deck since the last call, at a time of this deck's clock, s."""
-
-GAIN = 0.3
-"""How much of the error of the predicted phase each sighting corrects: the time of one is known to a tick or two."""
-
+GAIN = 0.3  # of the error of the predicted phase each sighting corrects: its time is known to a tick or two
 FORGOTTEN_AFTER = 1.0  # without sightings for so long the other deck is lost, and the motion keeps its tempo, s
 
 

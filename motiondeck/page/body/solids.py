@@ -36,9 +36,8 @@ def thinned(mesh: Triangles, most: int) -> Triangles:
         a, b, c = np.take_along_axis(corners, turned, axis=1).T
         _, first = np.unique((a * len(count) + b) * len(count) + c, return_index=True)
         first = np.sort(first)
-        faces = corners[first[(a[first] != b[first]) & (b[first] != c[first]) & (c[first] != a[first])]].astype(
-            np.uint32
-        )
+        first = first[(a[first] != b[first]) & (b[first] != c[first]) & (c[first] != a[first])]
+        faces = corners[first].astype(np.uint32)
         cells = int(cells / 1.25)
     return vertices, faces
 
@@ -110,13 +109,10 @@ def batches(model: mujoco.MjModel) -> dict[str, SolidBatch]:
                 mesh = int(model.geom_dataid[geom])
                 first, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
                 face, faces = model.mesh_faceadr[mesh], model.mesh_facenum[mesh]
-                name = f"mesh{mesh}"
-                drawn = (
-                    model.mesh_vert[first : first + count].astype(np.float32),
-                    model.mesh_face[face : face + faces].astype(np.uint32),
-                )
-                meshes[name] = (creased(thinned(drawn, MOST_TRIANGLES)), thinned(drawn, MOST_IN_SHADOW))
-                add(name, geom, [1.0, 1.0, 1.0])
+                vertices = model.mesh_vert[first : first + count].astype(np.float32)
+                drawn = vertices, model.mesh_face[face : face + faces].astype(np.uint32)
+                meshes[f"mesh{mesh}"] = creased(thinned(drawn, MOST_TRIANGLES)), thinned(drawn, MOST_IN_SHADOW)
+                add(f"mesh{mesh}", geom, [1.0, 1.0, 1.0])
     return {
         shape if opacity == 1.0 else f"{shape} {opacity:g}": SolidBatch(
             mesh=meshes[shape][0],

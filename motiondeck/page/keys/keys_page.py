@@ -17,7 +17,7 @@ from motiondeck.page.figures import BAD
 from motiondeck.page.keys.draft import Draft
 from motiondeck.page.keys.rehearsal import Rehearsal
 from motiondeck.page.scene import Scene
-from motiondeck.page.web.page_style import CURRENT, STOPS
+from motiondeck.page.web.page_style import STOPS
 from motiondeck.page.web.parts import PageParts, ask
 from motiondeck.page.web.private_page import PrivatePage, served
 from motiondeck_base.counted import counted
@@ -59,7 +59,6 @@ class KeysPage:
         self._lock = threading.RLock()
         self._scene, self._qpos = Scene(page, robot.model), robot.model.qpos0.copy()
         gui = page.gui
-        gui.configure_theme(show_share_button=False, show_logo=False, brand_color=CURRENT)
         gui.main_panel.dock_right()
         gui.main_panel.set_width(PANEL_WIDTH)
         self._line = gui.add_html("")
@@ -166,9 +165,7 @@ class KeysPage:
         if way == "copy":
             self._copied = self._pose_here()
         else:
-            self._pose(
-                {"paste": lambda: self._copied, "rest": lambda: self._draft.rest, "from rig": self._read_rig}[way]()
-            )
+            self._pose(self._read_rig() if way == "from rig" else self._copied if way == "paste" else self._draft.rest)
 
     def _set_key(self) -> None:
         self._head.playing = False
@@ -236,9 +233,8 @@ class KeysPage:
         self._bring(self._time, round(head.seconds, 3))
         self._bring(self._length, sheet.length)
         self._bring(self._plays, sheet.plays)
-        page = f' · <a href="{run.address}" target="_blank" rel="noopener">its page</a>' * bool(
-            run.busy and run.address
-        )
+        page = f' · <a href="{run.address}" target="_blank" rel="noopener">its page</a>' if run.address else ""
+        page = page if run.busy else ""
         line = f'<div id="rehearsal" style="padding:2px 14px;font-size:13px">{escape(run.said)}{page}</div>'
         if self._run_line.content != line:
             self._run_line.content, self._stop.disabled = line, not run.busy

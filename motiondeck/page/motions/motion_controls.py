@@ -1,7 +1,7 @@
 """The motions on the page: a grid with pictures, the queue, the phase as a ring, and blends on a pad in it."""
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from itertools import pairwise
 from pathlib import Path
@@ -19,6 +19,7 @@ from controller.wire.messages.arguments import WEIGHT
 from controller.wire.messages.command_table import BY_WORD
 from controller.wire.messages.commands import Blend, DeckCommand, Jump, Queue, Switch
 from controller.wire.messages.deck_snapshot import DeckSnapshot
+from motiondeck.page.web.page_state import PageDescription
 from motiondeck.page.web.parts import PageParts
 from motiondeck.page.web.state_line import button_labels
 from motiondeck.page.web.stick_figure import figure_svg
@@ -97,33 +98,22 @@ def _side_by_side(one: str, others: Sequence[str], routes: Routes) -> list[str]:
 
 
 SEARCHED = 12  # motions from which on one can be searched for
-NONE, NO_VERDICTS = Partners(), dict[str, tuple[str, str]]()
+NONE = Partners()
 HAND_ON = 1.0  # s that a hand on the ring or pad is believed before the deck's own value
 
 
 class MotionControls:
     """The widgets of the motions, where the page's widgets are being added.
 
-    Without a library's file there are neither pictures nor blends; a `direct` deck plays no motions in between; a
-    verdict is the answer of a motion, and the same with its reasons.
+    Without a library's file there are neither pictures nor blends.
     """
 
-    def __init__(
-        self,
-        parts: PageParts,
-        motions: list[str],
-        library: Path | None,
-        *,
-        has_phase: bool,
-        direct: bool = False,
-        verdicts: Mapping[str, tuple[str, str]] = NO_VERDICTS,
-        send: Callable[[DeckCommand], None],
-    ) -> None:
-        self._motions, self._has_phase, self._send = motions, has_phase, send
+    def __init__(self, parts: PageParts, about: PageDescription, send: Callable[[DeckCommand], None]) -> None:
+        self._motions, self._has_phase, self._send = about.motions, about.has_phase, send
         self._state = DeckSnapshot(motion="")
         self._touched = 0.0
-        self.glance = LibraryGlance(library, direct=direct) if library is not None else None
-        fixed = {"motions": motions, "searched": SEARCHED, "verdicts": dict(verdicts)}
+        self.glance = LibraryGlance(Path(about.library_file), direct=about.direct) if about.library_file else None
+        fixed = {"motions": about.motions, "searched": SEARCHED, "verdicts": about.verdicts}
         self._grid = parts.add("motion-grid", "motions", fixed, self._pressed)
         self._pictures = parts.add("motion-pictures", "motion-pictures")
         self._dial = parts.add("motion-dial", "motion-dial", heard=self._turned)
@@ -133,15 +123,8 @@ class MotionControls:
         self._state = now
         looks = ["playing" if name == now.playing else "next" if name == now.motion else "" for name in self._motions]
         enabled = now.mode in BY_WORD["switch"].modes
-        self._grid.show(
-            {
-                "labels": button_labels(now, self._motions),
-                "looks": looks,
-                "enabled": enabled,
-                "queue": list(now.queue),
-                "orders": not now.switching,
-            }
-        )
+        grid = {"labels": button_labels(now, self._motions), "looks": looks, "enabled": enabled}
+        self._grid.show(grid | {"queue": list(now.queue), "orders": not now.switching})
         if self.glance is not None and self.glance.pictures:
             self._pictures.show({"grid": "motions", "pictures": self.glance.pictures})
         if time.monotonic() - self._touched > HAND_ON:

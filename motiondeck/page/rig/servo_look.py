@@ -88,9 +88,7 @@ class JointGlow:
         if self.balls is not None:
             self.balls.remove()
             self.balls = None
-        if (
-            wanted
-        ):  # copies of one mesh, as the robot's own shapes are, so that a browser moves them in the same picture
+        if wanted:  # copies of one mesh, as the robot's shapes are: a browser moves them in the same picture
             self.balls = self._page.scene.add_batched_meshes_simple(
                 "/glow",
                 *sphere(10, 18),

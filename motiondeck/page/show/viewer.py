@@ -15,7 +15,7 @@ import msgspec
 import viser
 
 from motiondeck.page.show.show_text import ENDED, cue_table, deck_cards, show_line, silent_line
-from motiondeck.page.web.page_style import CURRENT, NOTICE_SECONDS, STOPS, STYLE, buttons_in_line, style_in
+from motiondeck.page.web.page_style import NOTICE_SECONDS, STOPS, STYLE, buttons_in_line, style_in
 from motiondeck.page.web.private_page import PrivatePage, served
 from motiondeck.shows.show_state import ShowNotice, ShowState
 from motiondeck_base.errors import MotiondeckError
@@ -32,16 +32,14 @@ class ShowView:
     def __init__(self, page: PrivatePage, say: Callable[[str], object]) -> None:
         self._page, self._say = page, say
         gui = page.gui
-        gui.configure_theme(show_share_button=False, show_logo=False, brand_color=CURRENT)
         gui.main_panel.dock_right()
         gui.main_panel.set_width(WIDTH)
         gui.add_html(STYLE + buttons_in_line(2) + SHOW_STYLE)
         self._line = gui.add_html("")
-        stop = gui.add_button(
-            "Emergency stop", icon=viser.Icon.ALERT_OCTAGON, color=STOPS, hint="Of all decks. Key: Esc."
-        )
-        go = gui.add_button("Go", icon=viser.Icon.PLAYER_PLAY, color=GO, hint="Passes a hold point.")
-        hold = gui.add_button("Hold", icon=viser.Icon.HAND_STOP, color="gray", hint="No more cues until Go.")
+        icons = viser.Icon
+        stop = gui.add_button("Emergency stop", icon=icons.ALERT_OCTAGON, color=STOPS, hint="Of all decks. Key: Esc.")
+        go = gui.add_button("Go", icon=icons.PLAYER_PLAY, color=GO, hint="Passes a hold point.")
+        hold = gui.add_button("Hold", icon=icons.HAND_STOP, color="gray", hint="No more cues until Go.")
         self._buttons = {"stop": stop, "go": go, "hold": hold}
         for word, button in self._buttons.items():
             button.on_click(lambda _, word=word: self.say(word))
@@ -70,10 +68,9 @@ class ShowView:
 
     def notify(self, text: str, *, alarming: bool = False) -> None:
         """Shows a notice in every browser."""
+        colour = "red" if alarming else "blue"
         for client in self._page.get_clients().values():
-            client.add_notification(
-                "Show", text, auto_close_seconds=NOTICE_SECONDS, color="red" if alarming else "blue"
-            )
+            client.add_notification("Show", text, auto_close_seconds=NOTICE_SECONDS, color=colour)
 
     def end(self) -> None:
         """Shows that the conductor is gone; nothing can be said any more."""

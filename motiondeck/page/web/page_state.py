@@ -9,7 +9,6 @@ import msgspec
 from controller.motion.rotations import Array
 from controller.motion.skeleton import SkeletonInfo
 from controller.wire.messages.deck_snapshot import DeckSnapshot
-from controller.wire.snapshot_numbers import SnapshotNumbers
 from hardware.rig.supervision.servo_states import ServoStates
 
 STANDS_STILL, UNCERTAIN = "standing still", "nothing certain"
@@ -113,15 +112,3 @@ class Picture:
         """The states of the rig's servos; None without a rig, or before it has been heard."""
         rows = self.arrays.servos
         return ServoStates(*rows) if rows is not None else None
-
-
-class PictureReader:
-    """Reads pictures of a run from the fields of its shared state."""
-
-    def __init__(self, about: PageDescription) -> None:
-        self._shapes = about.shapes
-        self._numbers = SnapshotNumbers(about.motions, recognizable=about.recognizable, joints=about.joints)
-
-    def read(self, shared: Mapping[str, Array]) -> Picture:
-        """The picture in a state."""
-        return Picture(self._numbers.read(shared), PictureArrays.over(shared, self._shapes))

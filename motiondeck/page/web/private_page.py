@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from websockets.asyncio.server import ServerConnection
 from websockets.http11 import Request, Response
 
+from motiondeck.page.web.page_style import CURRENT
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.socket_owners import owner_of_connection
 
@@ -46,7 +47,7 @@ class PrivatePage(viser.ViserServer):
             # viser moves on to the next free port when it loses a race for this one.
             self.stop()
             raise MotiondeckError(_taken(port))
-        self.gui.configure_theme(show_share_button=False, show_logo=False)
+        self.gui.configure_theme(show_share_button=False, show_logo=False, brand_color=CURRENT)
         # Sharing is off three times: no button, no handler for a crafted message, no method to call.
         for request in (viser._messages.ShareUrlRequest, viser._messages.ShareUrlDisconnect):
             self._websock_server.unregister_handler(request)

@@ -69,7 +69,8 @@ class Known:
 
 def test_grid_queue_ring_and_pad_send_commands(browser):
     page, sent = PrivatePage(free_port(), "test"), []
-    controls = MotionControls(PageParts(page), MOTIONS, None, has_phase=True, send=sent.append)
+    about = PageDescription(model_file="", robot="test", motions=MOTIONS, has_phase=True)
+    controls = MotionControls(PageParts(page), about, sent.append)
     controls.glance = Known()
     playing = DeckSnapshot(motion="walk", playing="walk", queue=["jog", "waltz"], phase=0.4)
     controls.show(playing)
