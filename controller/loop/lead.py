@@ -19,7 +19,7 @@ from controller.motion.skeleton import Pose
 
 
 class Delay:
-    """Delays J values, each by a time of its own, linear between ticks; before its first values they were as these."""
+    """Delays J values, each by its own time, linear between ticks; before its first values they were as these."""
 
     def __init__(self, seconds: Array, dt: float) -> None:
         """Delays by `seconds` (J,), >= 0, in ticks of dt s."""

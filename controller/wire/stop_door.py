@@ -1,6 +1,6 @@
 """The stop door: a local socket of a deck at which an emergency stop is taken, and nothing else.
 
-It has places of its own, apart from those for commands. When all are taken, the longest idle holder makes room, after
+It has its own places, apart from those for commands. When all are taken, the longest idle holder makes room, after
 all that it has sent is read; so no number of clients keeps an emergency stop out. A client proves that it is of this
 user, and nothing else. Without numpy, as the small process that guards a rig has the door too.
 """

@@ -94,7 +94,7 @@ _LAST = 1.0 - 1e-6  # a phase of 1 would be that of the beginning
 
 
 class Person:
-    """A person who leads, seen now and then in a motion; fits `phase_lock.ReferenceSource`."""
+    """A person that leads, seen now and then in a motion; fits `phase_lock.ReferenceSource`."""
 
     name: Literal["person"] = "person"
     per_minute: None = None

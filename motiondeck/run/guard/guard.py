@@ -1,6 +1,6 @@
 """Drives a rig by the targets of a deck while they are fresh; stops it, within its limits, when they are not.
 
-The guard ticks on a grid of its own, so that goals leave on time even when targets do not come on time. The grid
+The guard ticks on its own grid, so that goals leave on time even when targets do not come on time. The grid
 follows the targets: it is moved, little by little, to shortly after they usually come. In a tick without new targets,
 and in the next, the joints go on as the targets did; then they brake and are held, unless the targets stood still: to
 those they come first. Targets that come back before the joints are at rest are caught up with; later ones have to come
