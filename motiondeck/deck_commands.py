@@ -8,7 +8,7 @@ from typing import Generic, Literal, TypeVar
 from controller.wire.messages import commands
 from controller.wire.messages.arguments import HELD
 from controller.wire.messages.commands import DeckCommand
-from controller.wire.messages.lock_state import LockState
+from controller.wire.messages.deck_snapshot import LockState
 from controller.wire.messages.replies import State as DeckStatus
 
 Commanded = TypeVar("Commanded")

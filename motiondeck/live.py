@@ -22,7 +22,7 @@ from controller.wire.messages import commands
 from controller.wire.messages.arguments import CommandError
 from controller.wire.messages.command_table import checked
 from controller.wire.messages.commands import DeckCommand
-from controller.wire.messages.lock_state import LockState
+from controller.wire.messages.deck_snapshot import LockState
 from controller.wire.messages.replies import Accepted, Refused, Settled
 from controller.wire.messages.replies import Event as DeckEvent
 from controller.wire.messages.replies import State as DeckStatus

@@ -21,8 +21,7 @@ from controller.library.motion_library import MotionLibrary
 from controller.motion.rotations import Array
 from controller.motion.skeleton import Pose, Posture
 from controller.networks.base import Activation
-from controller.wire.messages.arguments import HELD, PHASE, TEMPO
-from controller.wire.messages.blends import blend_weights
+from controller.wire.messages.arguments import HELD, PHASE, TEMPO, blend_weights
 from controller.wire.messages.replies import Event
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
 

@@ -9,7 +9,7 @@ from controller.deck.locks.references import Beats, Leader, OtherDeck, Person
 from controller.deck.tempo import TEMPO_RATE, Paced
 from controller.motion.rotations import Array
 from controller.wire.messages.arguments import AGO, PHASE, STEPS, TEMPO
-from controller.wire.messages.lock_state import LockSource, LockState
+from controller.wire.messages.deck_snapshot import LockSource, LockState
 from motiondeck_base.errors import MotiondeckError
 
 

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from controller.wire.messages.blends import described
+from controller.wire.messages.arguments import described
 
 
 @dataclass(slots=True)

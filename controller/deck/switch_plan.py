@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from controller.deck.performance import Performance
 from controller.deck.routes import Routes
 from controller.deck.switch import CommandedSwitch
-from controller.wire.messages.blends import MOST_BLENDED, described
+from controller.wire.messages.arguments import MOST_BLENDED, described
 from controller.wire.messages.replies import Event, EventKind
 
 REMEMBERED_SWITCHES = 1_000

@@ -22,7 +22,9 @@ class Errors(msgspec.Struct, frozen=True, kw_only=True):
     @property
     def where(self) -> str:
         """Joint and time of the worst, in words."""
-        return f"{joint_words(self.joint)} at {self.worst_at_s:.2f} s"
+        side, name = {"l": "left ", "r": "right "}.get(self.joint[:1], ""), self.joint[1:]
+        joint = side + _WORDS[name] if name in _WORDS else {"back": "waist"}.get(self.joint, self.joint)
+        return f"{joint} at {self.worst_at_s:.2f} s"
 
 
 class RecordingError(msgspec.Struct, frozen=True, kw_only=True):
@@ -62,9 +64,3 @@ class RecordingError(msgspec.Struct, frozen=True, kw_only=True):
         if self.held_degrees is not None and not self.held_degrees <= LARGEST_HELD:
             return f"holds a pose {self.held_degrees:.0f}° from the last recorded one, {LARGEST_HELD:g}° are allowed"
         return ""
-
-
-def joint_words(joint: str) -> str:
-    """A landmark of the canonical body in words."""
-    side = {"l": "left ", "r": "right "}.get(joint[:1], "")
-    return side + _WORDS[joint[1:]] if joint[1:] in _WORDS else {"back": "waist", "neck": "neck"}.get(joint, joint)

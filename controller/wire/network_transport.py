@@ -27,8 +27,7 @@ from controller.wire.authentication import SIGNATURE_BYTES, sign, verify
 from controller.wire.local_transport import PeerGoneError, SocketError
 
 _HELLO = struct.Struct(">c8s")
-_CHALLENGE = struct.Struct(">c8s16sQ")
-_COMMAND = struct.Struct(">c8s16sQ")
+_CHALLENGE = _COMMAND = struct.Struct(">c8s16sQ")
 _REPLY = struct.Struct(">c8sQ")
 OVERHEAD = SIGNATURE_BYTES + _COMMAND.size
 MOST_CLIENTS = 32

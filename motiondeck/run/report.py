@@ -20,7 +20,7 @@ from controller.loop.output_channel import Channel
 from controller.loop.permissions import Permission
 from controller.loop.stop_requests import StopRequest
 from controller.wire.command_socket import CommandServer
-from controller.wire.messages.blends import described
+from controller.wire.messages.arguments import described
 from motiondeck_base.counted import counted
 
 PERIOD = 0.25  # s from one progress line to the next

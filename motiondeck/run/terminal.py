@@ -6,8 +6,7 @@ import threading
 from collections.abc import Callable, Sequence
 
 from controller.wire.command_socket import CommandClient, SocketError
-from controller.wire.messages.arguments import CommandError
-from controller.wire.messages.blends import described
+from controller.wire.messages.arguments import CommandError, described
 from controller.wire.messages.command_table import BY_WORD, COMMANDS, parse_command
 from controller.wire.messages.commands import DeckCommand, GetStatus, GiveBeat, Subscribe
 from controller.wire.messages.replies import (

@@ -18,7 +18,7 @@ import numpy as np
 from controller.deck.locks.phase_lock import LoopPlace, Steering
 from controller.motion.rotations import Array
 from controller.wire.messages.arguments import TEMPO
-from controller.wire.messages.lock_state import LockStage, LockState
+from controller.wire.messages.deck_snapshot import LockStage, LockState
 
 SPACING = 0.02  # time between stored poses of a motion, s
 WINDOW = 0.6  # range around the commanded phase in which the body is searched for, s

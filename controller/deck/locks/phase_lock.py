@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Literal, Protocol
 
 from controller.wire.messages.arguments import TEMPO
-from controller.wire.messages.lock_state import LockState
+from controller.wire.messages.deck_snapshot import LockState
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,7 +14,7 @@ from controller.deck.tracks.track import Track
 from controller.library.motion_library import MotionLibrary
 from controller.motion.rotations import Array
 from controller.motion.skeleton import Posture
-from controller.wire.messages.blends import MOST_BLENDED
+from controller.wire.messages.arguments import MOST_BLENDED
 
 STILL, TURNS_OVER = 0.1, 2.5
 HALF_A_SECOND = 0.5

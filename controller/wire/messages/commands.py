@@ -10,9 +10,8 @@ from typing import Annotated, Literal, get_args
 import msgspec
 
 from controller.wire.messages import arguments as arg
-from controller.wire.messages.blends import MOST_BLENDED, blend_weights
 from controller.wire.messages.command_row import ALWAYS, CommandMessage, CommandRow
-from controller.wire.messages.lock_state import LOCK_SOURCES, LockSource
+from controller.wire.messages.deck_snapshot import LOCK_SOURCES, LockSource
 
 MOST_BYTES = 2048  # the longest command, bytes
 encode = msgspec.json.Encoder().encode  # a command, a reply or an event as it is sent
@@ -47,7 +46,7 @@ class Blend(CommandMessage, frozen=True, tag="blend"):
     weight: Annotated[float, arg.WEIGHT] = msgspec.field(name="share")
     # Further motions that are blended in, each with its weight; then no weight is below 0 or above 1.
     also: Annotated[
-        tuple[tuple[str, float], ...], arg.WeightedMotions(arg.MotionName("C"), arg.PART, MOST_BLENDED - 2)
+        tuple[tuple[str, float], ...], arg.WeightedMotions(arg.MotionName("C"), arg.PART, arg.MOST_BLENDED - 2)
     ] = ()
 
     @property
@@ -58,7 +57,7 @@ class Blend(CommandMessage, frozen=True, tag="blend"):
     def check(self) -> None:
         """Raises a CommandError also where the weights or motions do not make a blend."""
         super().check()
-        blend_weights(self.first, self.second, self.weight, self.also)
+        arg.blend_weights(self.first, self.second, self.weight, self.also)
 
 
 class SetTempo(CommandMessage, frozen=True, tag="tempo"):

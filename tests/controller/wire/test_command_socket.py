@@ -45,8 +45,7 @@ from controller.wire.messages.commands import (
     Unlock,
     encode,
 )
-from controller.wire.messages.deck_snapshot import Recognized
-from controller.wire.messages.lock_state import LockState
+from controller.wire.messages.deck_snapshot import LockState, Recognized
 from controller.wire.messages.replies import Accepted, PhaseNow, Refused, Reply, Settled, State, read_reply
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
 

@@ -4,8 +4,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from controller.wire.messages.deck_snapshot import BlendPart, DeckSnapshot, Recognized, TickHealth
-from controller.wire.messages.lock_state import LockState
+from controller.wire.messages.deck_snapshot import BlendPart, DeckSnapshot, LockState, Recognized, TickHealth
 from controller.wire.messages.replies import State, read_reply
 from controller.wire.snapshot_numbers import SnapshotNumbers
 

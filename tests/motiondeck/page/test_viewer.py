@@ -26,8 +26,7 @@ from controller.wire.messages.commands import (
     Subscribe,
     Switch,
 )
-from controller.wire.messages.deck_snapshot import DeckSnapshot, TickHealth
-from controller.wire.messages.lock_state import LockState
+from controller.wire.messages.deck_snapshot import DeckSnapshot, LockState, TickHealth
 from controller.wire.messages.replies import Accepted, Event, Refused
 from controller.wire.snapshot_numbers import SnapshotNumbers
 from controller.wire.telemetry import StateWriter

@@ -32,8 +32,7 @@ from controller.wire.messages.commands import (
     SetTempo,
     Switch,
 )
-from controller.wire.messages.deck_snapshot import MODES
-from controller.wire.messages.lock_state import LOCK_SOURCES, LockStage
+from controller.wire.messages.deck_snapshot import LOCK_SOURCES, MODES, LockStage
 from controller.wire.messages.replies import Accepted
 from controller.wire.run_recording import load_recording
 from controller.wire.snapshot_numbers import SnapshotNumbers

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from controller.motion.encodings.bone_directions import BoneDirections
-from controller.motion.formats import mat5
+from controller.motion.formats import jaeger_patterns
 from controller.motion.formats.jaeger_patterns import read_pattern
 from controller.motion.skeleton import JAEGER_BONES, JAEGER_PARENT, JAEGER_REST, thesis_skeleton
 from motiondeck_base.errors import FileFormatError
@@ -132,7 +132,7 @@ def test_a_file_that_is_missing_is_refused(tmp_path):
 
 
 def test_a_file_that_is_too_large_is_refused(read, monkeypatch):
-    monkeypatch.setattr(mat5, "LARGEST", 1000)
+    monkeypatch.setattr(jaeger_patterns, "LARGEST", 1000)
     assert "larger than" in complaint(read, pattern_fields())
 
 
