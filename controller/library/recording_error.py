@@ -53,14 +53,13 @@ class RecordingError(msgspec.Struct, frozen=True, kw_only=True):
     @property
     def reason(self) -> str:
         """Why a motion with these errors does not pass, or ""."""
+        far = "too far from its recording"
         if not self.own_body_mm <= LARGEST_MM:
             allowed = f"95 % within {self.own_body_mm:.0f} mm, {LARGEST_MM:g} mm are allowed"
-            return f"too far from its recording: {allowed}; the worst is {self.mm.worst:.0f} mm, {self.mm.where}"
+            return f"{far}: {allowed}; the worst is {self.mm.worst:.0f} mm, {self.mm.where}"
         if not self.degrees.p95 <= LARGEST_DEGREES:
             allowed = f"95 % within {self.degrees.p95:.1f}°, {LARGEST_DEGREES:g}° are allowed"
-            return (
-                f"too far from its recording: {allowed}; the worst is {self.degrees.worst:.0f}°, {self.degrees.where}"
-            )
+            return f"{far}: {allowed}; the worst is {self.degrees.worst:.0f}°, {self.degrees.where}"
         if self.held_degrees is not None and not self.held_degrees <= LARGEST_HELD:
             return f"holds a pose {self.held_degrees:.0f}° from the last recorded one, {LARGEST_HELD:g}° are allowed"
         return ""

@@ -206,9 +206,7 @@ def shaped_anatomy(skeleton: Skeleton) -> Anatomy:
     else:
         spine = _path(skeleton, top) if ends[top, 2] > 0.0 else []
 
-    branches = [
-        bone for bone in range(len(skeleton)) if bone not in spine and _parent(skeleton, bone) in (ROOT, *spine)
-    ]
+    branches = [b for b in range(len(skeleton)) if b not in spine and _parent(skeleton, b) in (ROOT, *spine)]
     ways = {branch: _main_path(skeleton, branch, leaves) for branch in branches}
     on_left = {branch: bool(ends[ways[branch][-1], 1] > 0.0) for branch in branches}
     for pair in pairs:

@@ -131,9 +131,8 @@ class Skeleton:
         """The same bones with other offsets (B, 3), m."""
         length = np.linalg.norm(offsets, axis=1)
         directions = offsets / np.where(length > 0.0, length, 1.0)[:, None]
-        return replace(
-            self, length=length, rest_direction=np.where(length[:, None] > 0.0, directions, self.rest_direction)
-        )
+        rest = np.where(length[:, None] > 0.0, directions, self.rest_direction)
+        return replace(self, length=length, rest_direction=rest)
 
     @cached_property
     def leg_length(self) -> float:

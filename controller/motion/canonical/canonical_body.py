@@ -242,9 +242,7 @@ def _turn(own: Skeleton, ahead: Array, across: Array) -> Array:
     right, left = own.rest_direction[_HIPS] * own.length[_HIPS, None]
     axis = normalise(across)
     turn = between(normalise(left - right), axis)
-    now, then = (
-        normalise(line - dot(line, axis)[:, None] * axis) for line in (ahead, rotate(turn, 0.5 * (left + right)))
-    )
+    now, then = (normalise(way - dot(way, axis)[:, None] * axis) for way in (ahead, rotate(turn, 0.5 * (left + right))))
     return multiply(between(then, now), turn)
 
 
@@ -331,11 +329,9 @@ def _rest_places(skeleton: Skeleton, marks: Landmarks, recorded: Array | None = 
     return place, normalise(_lines(place))
 
 
-def _landmark_places(
-    skeleton: Skeleton, marks: Landmarks, root_position: Array, rotation: Array
-) -> tuple[Array, Array]:
+def _landmark_places(skeleton: Skeleton, marks: Landmarks, root: Array, rotation: Array) -> tuple[Array, Array]:
     """Positions of root and landmarks, shape (T, 20, 3), and rotations of the bones that end there, (T, 20, 4)."""
-    joints = skeleton.joints(root_position, rotation)
+    joints = skeleton.joints(root, rotation)
     index = {bone: 1 + number for number, bone in enumerate(CANONICAL_BONES)}
     place = np.empty((len(joints), 20, 3))
     turned = np.empty((len(joints), 20, 4))

@@ -40,9 +40,7 @@ def read_mediapipe(path: str | Path, options: ReadingOptions = AS_FOUND) -> Mark
     if len(lines) < 2 or len(lines) * len(lines[0].words) > MOST_NUMBERS:
         raise FileFormatError(f"{path}: {max(0, len(lines) - 1)} lines are no recording. Write it again, or cut it.")
     heads, rows = [_plain(word) for word in lines[0].words], lines[1:]
-    clock = next(
-        (heads.index(word + unit) for word in _TIMES for unit in ("ms", "s", "") if word + unit in heads), None
-    )
+    clock = next((heads.index(word + end) for word in _TIMES for end in ("ms", "s", "") if word + end in heads), None)
     if clock is None:
         raise lines[0].error("no column of times. Add one called time_s: the number of the frame over the rate.")
     if short := next((row for row in rows if len(row.words) != len(heads)), None):

@@ -87,7 +87,6 @@ class NpzArrays:
             with self._archive.open(f"{name}.npy") as entry:
                 packed = entry.read(_MOST_BYTES + 1)
         except _BROKEN as error:
-            raise FileFormatError(
-                f"{what} cannot be read ({' '.join(str(error).split())[:120]}). Save it again."
-            ) from None
+            short = " ".join(str(error).split())[:120]
+            raise FileFormatError(f"{what} cannot be read ({short}). Save it again.") from None
         return plain_array(packed, what, kind)

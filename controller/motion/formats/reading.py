@@ -19,9 +19,7 @@ from motiondeck_base.errors import FileFormatError, MotiondeckError
 
 def _all_formats() -> list[Format]:
     """The FORMAT of every module below this folder, by suffix."""
-    names = [
-        module.name for module in pkgutil.walk_packages([str(Path(__file__).parent)], "controller.motion.formats.")
-    ]
+    names = [one.name for one in pkgutil.walk_packages([str(Path(__file__).parent)], "controller.motion.formats.")]
     rows = [getattr(importlib.import_module(name), "FORMAT", None) for name in names]
     return sorted((row for row in rows if isinstance(row, Format)), key=lambda row: (row.general, row.suffixes))
 

@@ -21,9 +21,7 @@ MOVES_SECONDS = 0.2
 # that are held as often as the pattern says.
 PATTERN, RATE_OFF, REGULAR = 0.05, 0.03, 0.9
 LONGEST_HOLD = 0.25  # s: a body that is still for longer stands still
-USUAL_RATES = np.array(
-    [10.0, 12.0, 12.5, 15.0, 20.0, 24.0, 25.0, 30.0, 40.0, 48.0, 50.0, 60.0, 90.0, 100.0, 120.0]
-)  # Hz
+USUAL_RATES = np.array([10, 12, 12.5, 15, 20, 24, 25, 30, 40, 48, 50, 60, 90, 100, 120])  # Hz
 TELEVISION = 1.001  # 29.97 and 59.94 Hz are 30 and 60 over this
 # A gap: a step that is the steps beside it times this, but for a deviation in the same measure, of joints faster than
 # GAP_SPEED, m/s. Each frame beyond ALONG allows as much again, because limbs change their pace over it.

@@ -79,9 +79,8 @@ def read_asf(path: str | Path, unit: float | None = None) -> AcclaimSkeleton:
     rest = np.array([_direction(_needed(path, name, bones[name], "direction")) for name in names])
     length = np.array([_length(_needed(path, name, bones[name], "length")) for name in names]) * length_unit
     index = {name: position for position, name in enumerate(names)}
-    skeleton = Skeleton(
-        Path(path).stem, tuple(names), np.array([index.get(parent[name], ROOT) for name in names]), rest, length
-    )
+    parents = np.array([index.get(parent[name], ROOT) for name in names])
+    skeleton = Skeleton(Path(path).stem, tuple(names), parents, rest, length)
     dof = [_channels(root["order"], ROTATIONS + TRANSLATIONS)]
     dof += [_channels(bones[name]["dof"], ROTATIONS) if "dof" in bones[name] else () for name in names]
     return AcclaimSkeleton(
