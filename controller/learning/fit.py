@@ -112,6 +112,7 @@ def assemble(
     recipe: LibraryRecipe, training_set: TrainingSet, network: AnyNetwork, seed: int, verdicts: dict[str, MotionVerdict]
 ) -> MotionLibrary:
     """A library of a trained network and of all that is known about it."""
+    frames, every = training_set.frames, recipe.network.anchor_every
     info = LibraryInfo(
         version=VERSION,
         name=recipe.name,
@@ -119,12 +120,7 @@ def assemble(
         encoding=training_set.encoding.name,
         rate=training_set.rate,
         seed=seed,
-        motions=[
-            describe_motion(
-                motion, training_set.frames[motion.name], network, verdicts[motion.name], recipe.network.anchor_every
-            )
-            for motion in recipe.motions
-        ],
+        motions=[describe_motion(one, frames[one.name], network, verdicts[one.name], every) for one in recipe.motions],
         skeleton=training_set.encoding.skeleton_info(),
         recipe=msgspec.json.decode(msgspec.json.encode(recipe)),
         licence=recipe.licence,

@@ -110,20 +110,10 @@ def conceptor_motion(
     # The inverse normalisation is affine and becomes part of the readout.
     zero = normalisation.invert(np.zeros(len(loaded.readout)))
     channels = (normalisation.invert((loaded.readout @ directions).T) - zero).T
-    return ConceptorMotion(
-        *(
-            np.ascontiguousarray(a, dtype=np.float32)
-            for a in (
-                loaded.weights @ directions,
-                loaded.weights @ mean + loaded.reservoir.bias,
-                project,
-                project @ mean,
-                channels,
-                normalisation.invert(loaded.readout @ mean),
-                (centred @ directions)[:: recipe.anchor_every],
-            )
-        )
-    )
+    rest, states = normalisation.invert(loaded.readout @ mean), (centred @ directions)[:: recipe.anchor_every]
+    recurrent, bias = loaded.weights @ directions, loaded.weights @ mean + loaded.reservoir.bias
+    parts = recurrent, bias, project, project @ mean, channels, rest, states
+    return ConceptorMotion(*(np.ascontiguousarray(part, dtype=np.float32) for part in parts))
 
 
 def principal_directions(centred: Array, rank: int) -> tuple[Array, Array]:

@@ -13,7 +13,7 @@ it near there.
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -105,16 +105,10 @@ class MovementPrimitive:
         value = points(point, "a point")
         if len(value) != len(chosen):
             raise MotiondeckError(f"a point of {len(value)} values; {len(chosen)} are needed, one for each channel")
-        via = self.via
-        return replace(
-            self,
-            via=ViaPoints(
-                np.append(via.phase, np.full(len(chosen), phase)),
-                np.append(via.channel, chosen),
-                np.append(via.value, value),
-                np.append(via.deviation, np.full(len(chosen), deviation)),
-            ),
-        )
+        known = self.via.phase, self.via.channel, self.via.value, self.via.deviation
+        more = np.full(len(chosen), phase), chosen, value, np.full(len(chosen), deviation)
+        grown: list[NDArray[Any]] = [np.append(old, new) for old, new in zip(known, more, strict=True)]
+        return replace(self, via=ViaPoints(*grown))
 
     def ending_at(self, point: ArrayLike, *, deviation: float = 0.0) -> Self:
         """The same motion with another end; see `through`."""
