@@ -78,8 +78,7 @@ class Conductor:
         if not self.stopped_by:
             self._bring_in(now)  # first: a deck that carries out a later cue counts as having had all before
             while (due := self.cues.due(now, self._holds)) is not None:
-                number, cue, at = due
-                self._send_show_cue(number, cue, at)
+                self._send_show_cue(*due)
         self._report_stop(now)
         self._report_waiting()
         self._report_lacking(now)

@@ -19,7 +19,6 @@ from motiondeck.stage.osc import OscInput, OscOutput
 from motiondeck.stage.tracker import TrackerInput
 
 STATE_EVERY = 0.1  # the period of status requests, s
-
 _SUBSCRIBED_FOR = 15.0  # s after which a subscription is renewed
 _POLL = 0.01  # s between reads of the deck's replies
 _MOST_WAITING = 256  # signals that are due later

@@ -22,7 +22,6 @@ from controller.motion.skeleton import Posture, Skeleton, walk_path
 
 # The longest time between two moments at which a mixture is computed, s, and the fewest of them.
 _STEP, _FEWEST = 0.025, 16
-
 _LONGER = 1.1  # by which factor the time grows at least
 
 

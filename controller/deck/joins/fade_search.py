@@ -21,18 +21,13 @@ from controller.motion.rotations import Array, cross, dot
 from controller.motion.skeleton import Posture
 
 SHORTEST, LONGEST = 0.2, 1.6
-
 PLANNED_SHARE = 0.8  # the part of the bounds that a fade may use: it is looked at at some moments only
-
 TRIAL_EVERY = 0.005  # the time between trials, s
-
 # What a body was doing is slowed down as long as the difference fades, or within these shares of that time, which lets
 # it swing less far but accelerates it more.
 _SLOWED_WITHIN = (1.0, 0.5, 0.25)
-
 # After how many trials a fade may exceed the bounds, and by what share of them more with each trial.
 _PATIENT_TRIALS, _YIELDING = 6, 0.02
-
 # At how many moments until its rate has run out a fade's speed and acceleration are computed, and by which factor it is
 # lengthened at least.
 _SAMPLES = 16
@@ -156,8 +151,7 @@ class Fading:
     """
 
     def __init__(self, search: FadeSearch, onset: float = 0.0) -> None:
-        self._search = search
-        self._onset = onset
+        self._search, self._onset = search, onset
         self._fade: Fade | None = None
         self._elapsed = 0.0
         self._gap: Fade | None = None

@@ -43,9 +43,7 @@ class JoinLimits:
 
     def begin(self, *motions: Motion) -> None:
         """Sets the limits to those of a join of these motions; the motions of the join that it interrupts count too."""
-        allowed = (*self._motions, *motions)
-        self._motions = motions
-        self._bounds = Bounds.of(allowed, FASTEST, HARDEST)
+        self._bounds, self._motions = Bounds.of((*self._motions, *motions), FASTEST, HARDEST), motions
 
     def use(self, pose: Pose, dt: float) -> float:
         """The use of the limits if this pose comes dt seconds after the last; 1 is the limit."""

@@ -21,8 +21,8 @@ NEW_SECONDS = 4.0
 _UNDONE = 200  # changes that can be undone
 _NOTED = np.radians(0.5)  # of what is held back
 
+# From when to when, s, a joint is held back, and in words which one, by how much, and by which limit.
 HeldBack = tuple[float, float, str]
-"""From when to when, s, a joint is held back, and in words which one, by how much, and by which limit."""
 
 
 class Draft:

@@ -24,9 +24,8 @@ from motiondeck_base.counted import counted
 from motiondeck_base.errors import MotiondeckError
 from sim.robots.robot import Robot
 
+# Where the joints of the rig stand, deg; MotiondeckError if they cannot be read.
 ReadRig = Callable[[], Mapping[str, float]]
-"""Where the joints of the rig stand, deg; MotiondeckError if they cannot be read."""
-
 STEP, SNAP = 0.5, 0.05  # deg, of a slider; s, of a pause
 HAND_ON = 0.5  # s for which a hand keeps what it has set
 SHOWN_EVERY = 0.12  # s: sliders and hand while it plays

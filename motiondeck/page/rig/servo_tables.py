@@ -13,9 +13,8 @@ from motiondeck.page.web.parts import Ask
 from motiondeck.page.web.private_page import PrivatePage
 from motiondeck_base.errors import MotiondeckError
 
+# Asks the deck and waits for what it finds; None where that was refused, which is shown.
 Look = Callable[[DeckCommand], Registers | OnPorts | None]
-"""Asks the deck and waits for what it finds; None where that was refused, which is shown."""
-
 FIRST_WITHIN, LAST_WITHIN = 2.0, 20.0  # s
 SCAN = (
     "All servos hold for less than a second (with some servos: five), and then come slowly to where they "

@@ -22,7 +22,6 @@ Ask = Callable[[viser.GuiEvent, str, str, str, DeckCommand | Callable[[], None]]
 SCRIPTS = Path(__file__).parent / "scripts"
 MOST_CHARACTERS = 2000  # of an event; what is longer no part has sent
 _EVENTS = "part-events"
-
 Heard = Callable[[Any, viser.GuiEvent], None]
 
 
