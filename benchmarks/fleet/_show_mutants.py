@@ -17,7 +17,7 @@ MUTANTS = {
         (_COMMANDS, 'self.say.row.check_use("timed")', "pass"),
         (_COMMANDS, 'CommandRow(("replay",))', 'CommandRow(("replay",), ALWAYS)'),
     ],
-    "a restarted deck does not wait": [(_MEMBER, "self._now() < self._joined_at", "False")],
+    "a restarted deck does not wait": [(_MEMBER, "if now < self._joined_at", "if False")],
     "a restarted deck remembers nothing": [(_MEMBER, "memory.read() if memory is not None else ()", "()")],
     "no ids in clock answers": [(_CONDUCTOR, "self.show.lost_after, self._stops.latest)", "self.show.lost_after, [])")],
     "a second press is swallowed": [

@@ -247,7 +247,7 @@ MUTANTS = (
     ),
     Mutant(
         "member: a restarted deck does not wait", MEMBER, STANDING,
-        "if self._now() < self._joined_at:",
+        "if now < self._joined_at:",
         "if False:",
     ),
     Mutant(
