@@ -24,7 +24,6 @@ from controller.motion.rotations import Array
 
 PHASES = 24  # at how many places a loop is left
 PLAYED = 12  # how many of the joins that look hardest are played
-
 RATE = 200.0  # Hz
 _BEFORE, _AFTER = 3, 10  # ticks before the command, and after the switch has settled
 _LONGEST = 4.0  # s

@@ -88,7 +88,6 @@ class Channel:
 
 
 P = ParamSpec("P")
-
 FAULTS_TO_GIVE_UP = 20
 
 

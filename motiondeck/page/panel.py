@@ -116,7 +116,6 @@ _TITLES = {
 }
 _ALARMING = ("fault", "fell", "lost", "replayed")
 PANEL_WIDTH = 332  # pixels
-
 STEP = 1.0 / 30.0  # s, of a step; a tick alone is hardly to be seen
 STEPS = "The motion goes on for 1/30 s."
 

@@ -27,7 +27,6 @@ from motiondeck.shows.membership import CONDUCTOR
 ASKS_EVERY = 0.25  # the mean period of requests for the conductor's time and the deck's state, s; shorter at first
 LATEST = 0.25  # a cue that comes later than this is not carried out, s; the conductor then sends the sum of all cues
 ALONE_AFTER = 10.0  # time without a conductor after which that is reported, and a deck that starts plays, s
-
 _ASKS_FIRST, _FIRST = 0.05, 40  # so often, s, for the first questions; after them the time counts as known
 _IRREGULAR = 0.6, 1.4
 _PATIENCE = 1.0  # s for an answer

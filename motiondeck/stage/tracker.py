@@ -20,7 +20,6 @@ from motiondeck.stage.osc import LoopbackPort
 
 SEEN_FOR = 0.1  # s for which a point counts after it was seen
 MOST_STEPS = 15  # of a silence; the filter has forgotten by then
-
 _DEVICES = {"/VMC/Ext/Tra/Pos", "/VMC/Ext/Hmd/Pos", "/VMC/Ext/Con/Pos"}
 _ARM = ("Shoulder", "UpperArm", "LowerArm", "Hand"), ("", "sho", "elb", "wri")
 _LEG = ("UpperLeg", "LowerLeg", "Foot", "Toes"), ("hip", "kne", "ank", "foo")

@@ -50,7 +50,6 @@ LONGER = 1.2 * np.pi  # a bone changes sides when it is pi + LONGER min(w, 1 - w
 LEAST_SECONDS = 0.2
 TWIST_JUMP = 1.0  # a rotation that changes by more than this (rad) in a tick is a jump of a bone's twist
 MEAN_STEPS = 3  # of the mean of more than two motions (`benchmarks many_blends` has what is left to the mean itself)
-
 _HALF_TURN = np.pi - 1e-6  # rad; of a turn of that angle it is chance which way is the short one
 _LITTLE = 1e-12
 

@@ -25,7 +25,6 @@ GATE = 0.3  # a beat that is off by more, in periods, is ignored
 # Intervals that differ by less are alike, of their length; off from whole numbers of periods, of a period.
 ALIKE, OFF = 0.1, 0.2
 MOST_LOST = 8  # periods without a beat after which the next two beats begin it anew
-
 _ROOT = 0.7
 _GAIN, _PERIOD_GAIN = 1.0 - _ROOT**2, (1.0 - _ROOT) ** 2
 _SLACK = 0.02  # of the limits of captured periods, which a beat at the limit and a tick of rounding still keep

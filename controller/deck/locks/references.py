@@ -10,7 +10,6 @@ from controller.wire.leader_link import Sighting
 
 STEADY_BEATS = 4  # beats after which the period counts as known
 SILENT_AFTER = 4.0  # periods without a beat after which it counts as silent; the motion keeps its tempo
-
 _RANGE = 0.75  # the steps of a round change where the tempo would be further than this from 1, in octaves
 
 

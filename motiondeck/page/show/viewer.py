@@ -22,7 +22,6 @@ from motiondeck_base.errors import MotiondeckError
 
 WIDTH = 760  # pixels
 GO = (43, 138, 62)
-
 SHOW_STYLE = style_in(Path(__file__).with_name("show.css"))
 
 
