@@ -12,12 +12,7 @@ from controller.wire.messages.commands import Side
 from controller.wire.messages.replies import Reply, SecondReply
 
 PlayableDeck = Deck | RecordedDeck  # of the replay of a recording the motions cannot be commanded
-
-
-class Look(Protocol):
-    """A request to servos that is under way."""
-
-    def answer(self) -> SecondReply | None: ...  # the reply, or None before it has come
+Look = Callable[[], SecondReply | None]  # the reply to a request to servos, or None before it has come
 
 
 class RigServos(Protocol):

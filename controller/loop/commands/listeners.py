@@ -112,7 +112,7 @@ class SecondReplies:
             client, number, look, began = waiting = self.looks.popleft()
             answer: SecondReply | None
             try:
-                answer = look.answer()
+                answer = look()
             except Exception as error:
                 answer = refusal(error, number)
             if answer is None and self._now() - began > _LOOKED_WITHIN:

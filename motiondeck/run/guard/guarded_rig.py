@@ -34,18 +34,8 @@ Array = NDArray[np.float64]
 _INCIDENTS = 200
 _SILENT = 1.0  # s after which a guard is taken for gone
 _REPORTS_WITHIN, _WATCHES_WITHIN, _CLOSES_WITHIN = 1.0, 5.0, 15.0  # s; closing waits for silent servos
+Awaited = Callable[[], Registers | OnPorts | Refused | None]  # what servos are asked, once the guard has the answer
 _GONE = "the guard of the rig has ended. The servos' own watchdogs stop them; restart the deck"
-
-
-@dataclass
-class AwaitedAnswer:
-    """What servos are asked through the guard."""
-
-    reply: Registers | OnPorts | Refused | None = None  # once the guard has it
-
-    def answer(self) -> Registers | OnPorts | Refused | None:
-        """The same."""
-        return self.reply
 
 
 @dataclass
@@ -80,7 +70,7 @@ class GuardedRig:
         self._failure, self._watching = "", False
         self._heard, self._collected = time.monotonic(), 0
         self._numbers = itertools.count(1)
-        self._asked: dict[int, AwaitedAnswer] = {}
+        self._asked: dict[int, list[Registers | OnPorts | Refused]] = {}
         self._report: RigReport | None = None
         self._closed: list[str] | None = None
 
@@ -154,18 +144,18 @@ class GuardedRig:
         self.config.joints[joint].check_restartable()
         self._link.send(messages.ServoDeed(joint, "restart"))
 
-    def registers(self, joint: int, write: tuple[str, int] | None = None) -> AwaitedAnswer:
+    def registers(self, joint: int, write: tuple[str, int] | None = None) -> Awaited:
         """Has all registers of a servo read, and before that a count written into one of them."""
         return self._ask(messages.QueryRegisters(next(self._numbers), joint, write))
 
-    def scan(self) -> AwaitedAnswer:
+    def scan(self) -> Awaited:
         """Has every ID on the ports asked."""
         return self._ask(messages.QueryPorts(next(self._numbers)))
 
-    def _ask(self, query: messages.QueryRegisters | messages.QueryPorts) -> AwaitedAnswer:
+    def _ask(self, query: messages.QueryRegisters | messages.QueryPorts) -> Awaited:
         self._link.send(query)
-        awaited = self._asked[query.number] = AwaitedAnswer()
-        return awaited
+        came = self._asked[query.number] = []
+        return lambda: came[0] if came else None
 
     @property
     def report(self) -> RigReport:
@@ -200,7 +190,7 @@ class GuardedRig:
             case messages.IncidentNote():
                 self.incidents.append(note.incident)
             case messages.ServoAnswer(number=number, reply=reply):
-                self._asked.pop(number).reply = reply
+                self._asked.pop(number).append(reply)
             case messages.ReportNote(report=report):
                 self._report = report
             case messages.RigClosed(unconfirmed=unconfirmed):

@@ -17,7 +17,7 @@ from controller.loop.lead import Delay
 from controller.loop.output_channel import Channel
 from controller.motion.rotations import Array
 from controller.motion.skeleton import Pose
-from motiondeck.run.guard.guarded_rig import AwaitedAnswer, GuardedRig, GuardProcess, begin_with, connect
+from motiondeck.run.guard.guarded_rig import Awaited, GuardedRig, GuardProcess, begin_with, connect
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
 from motiondeck_base.files import listed
 
@@ -122,11 +122,11 @@ class RigOutput:
         """Has the servo of a joint restarted and set up again; MotiondeckError if there is none, or it cannot be."""
         self.rig.restart(self._place(joint))
 
-    def registers(self, joint: str, write: tuple[str, int] | None = None) -> AwaitedAnswer:
+    def registers(self, joint: str, write: tuple[str, int] | None = None) -> Awaited:
         """Has a servo's registers read, after a count is written into one of them; UnknownNameError without it."""
         return self._guard.registers(self._place(joint), write)
 
-    def scan(self) -> AwaitedAnswer:
+    def scan(self) -> Awaited:
         """Scans the rig's ports for servos."""
         return self._guard.scan()
 

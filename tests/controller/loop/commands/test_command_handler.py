@@ -339,7 +339,7 @@ class LookedAt(NotedServos):
         self.done.append((joint, write))
         return self
 
-    def answer(self):
+    def __call__(self):
         return self.found
 
 
@@ -540,7 +540,7 @@ def test_names_that_are_no_paths_do_not_make_the_deck_deaf():
 
 def test_a_look_that_fails_is_answered_and_forgotten():
     class FailingLook:
-        def answer(self):
+        def __call__(self):
             raise OSError("the port is gone")
 
     class Servos:

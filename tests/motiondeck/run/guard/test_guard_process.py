@@ -132,29 +132,29 @@ def test_a_wired_stop_that_cannot_be_opened_says_so():
 
 
 def counts(asked):
-    return {register.name: register.count for register in asked.reply.registers}
+    return {register.name: register.count for register in asked().registers}
 
 
 def test_what_is_asked_of_servos_is_answered_beside_the_targets():
     with served(CONFIG) as (servos, port), guarded(port) as rig:
         play(rig, 0.2)
         reading, other = rig.registers(0), rig.registers(1, ("led", 1))
-        wait(rig, lambda: reading.reply and other.reply, "the registers")
+        wait(rig, lambda: reading() and other(), "the registers")
         assert counts(reading)["torque_enable"] == 1
-        assert "while its torque is off" in other.reply.reason
+        assert "while its torque is off" in other().reason
         rig.switch_off(1)
         wait(rig, lambda: not servos[2]["torque_enable"], "the torque that goes off")
         written = rig.registers(1, ("led", 1))
-        wait(rig, lambda: written.reply, "the register that is written")
+        wait(rig, written, "the register that is written")
         assert counts(written)["led"] == 1
         assert [incident.what for incident in rig.incidents] == ["was switched off on command"]
         rig.set_up_again(1)
         play(rig, 1.0, speed=0.0)
         assert servos[2]["torque_enable"]
         scan = rig.scan()
-        wait(rig, lambda: scan.reply, "the scan")
-        assert [(servo.joint, servo.servo, servo.model) for servo in scan.reply.servos] == [
+        wait(rig, scan, "the scan")
+        assert [(servo.joint, servo.servo, servo.model) for servo in scan().servos] == [
             ("pan", 1, "XM430-W350"),
             ("tilt", 2, "XM430-W350"),
         ]
-        assert scan.reply.missing == []
+        assert scan().missing == []
