@@ -41,7 +41,7 @@ ALIGNED_FRAMES = 60  # two seconds at 30 Hz
 OURS = "experts (ours)"
 NESTED = "experts (ours, nested choice)"
 COMMITTEE = "experts (ours, a committee)"
-MODEL_SPACE = "experts and model space (ours)"
+MODEL_SPACE = "experts (ours, model space)"
 PROPOSED = "proposal"
 
 

@@ -1,4 +1,4 @@
-"""Echo-state experts and their model space beside MiniRocket (aeon) in the same folds.
+"""Experts and their model space beside MiniRocket (aeon) in the same folds.
 
 DATA is a folder as `python -m benchmarks recognition` takes it, or mocap6.mat: 12 channels at 10 Hz of two people's
 exercises. MiniRocket (4000 kernels on positions, every example resampled to 96 frames, ridge classifier) is aeon's: pip

@@ -1,4 +1,4 @@
-"""How many known clips a recognizer calls unknown, and how many unknown ones known, at any tempo.
+"""Known clips that are called unknown, and unknown ones called known.
 
 Recognizers are trained as `recognize train` does it, in the folds of a protocol, and asked about clips of actors whom
 they did not see, at other durations than recorded. Then each class in turn is left out of the training.

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import msgspec
 import numpy as np
@@ -13,7 +12,7 @@ from controller.deck.routes import Routes
 from controller.learning.fit import fit_prepared
 from controller.learning.preparation.loops import Seam, close_loop
 from controller.learning.recipe import LibraryRecipe, MotionRecipe, recipe_of
-from controller.learning.trainers.phase_conceptor import PhaseRecipe
+from controller.learning.trainers.phase_echo_state import PhaseEchoStateRecipe
 from controller.learning.trainers.trainer import trainer_of
 from controller.learning.training_set import TrainingSet
 from controller.library.motion_library import BakedFrom, MotionInfo, MotionLibrary, load_library
@@ -29,11 +28,12 @@ from sim.robots.robot import RobotLoader
 from sim.robots.robot_digest import robot_digest
 
 ROUNDS = 3  # of a loop that are carried; a robot that goes round settles in the first ones, and the last is learned
-PIECE_SECONDS = 0.5  # of conceptors: joints of robots move less smoothly than limbs, which have 1.5
+# The nearest kind and the quickest; robots' joints move less smoothly than limbs, which have pieces of 1.5 s.
+NETWORK = PhaseEchoStateRecipe(piece_seconds=0.5)
 
 
 def bake(library_file: Path, robot_file: Path, progress: Callable[[str], None] = lambda _: None) -> MotionLibrary:
-    """The library in the joints of the robot, with networks of its kind, or phase-driven conceptors where it has none.
+    """The library in the joints of the robot, with a phase-driven echo-state network.
 
     MotiondeckError if a file cannot be used, or a motion has an input besides its phase.
     """
@@ -66,11 +66,8 @@ def bake(library_file: Path, robot_file: Path, progress: Callable[[str], None] =
 
 def _recipe(library: MotionLibrary, file: Path) -> LibraryRecipe:
     own = recipe_of(library.info.recipe, file)
-    network: Any = own.network if trainer_of(own.network).center_driven else PhaseRecipe()
-    if "piece_seconds" in network.__struct_fields__:
-        network = msgspec.structs.replace(network, piece_seconds=PIECE_SECONDS)
     motions = [MotionRecipe(name=one.name, file=one.source, plays=one.plays) for one in library.info.motions]
-    return msgspec.structs.replace(own, name=library.info.name, network=network, motions=motions, as_recorded=False)
+    return msgspec.structs.replace(own, name=library.info.name, network=NETWORK, motions=motions, as_recorded=False)
 
 
 def _carried(library: MotionLibrary, motion: MotionInfo, loader: RobotLoader) -> tuple[RobotJoints, Array]:
