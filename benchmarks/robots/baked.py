@@ -159,6 +159,7 @@ def of_tick(library: MotionLibrary, baked: MotionLibrary, tell: Callable[[str], 
                 os.environ |= {"XDG_CACHE_HOME": empty} if way == "live" else {}
                 words = "walk", "--library", library.info.name, "--robot", "servo20"
                 row["to the first tick, s"].append(start(Path(__file__).parents[2], *words, page=False)[0]["tick"])
+                os.environ.pop("XDG_CACHE_HOME", None)
                 os.environ |= {"XDG_CACHE_HOME": home} if home is not None else {}
             tell(f"{way}: " + ", ".join(f"{what} {values[-1]:.2f}" for what, values in row.items()))
     return {way: {what: min(values) for what, values in row.items()} for way, row in found.items()}
