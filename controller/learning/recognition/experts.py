@@ -218,13 +218,9 @@ class ExpertBank:
         """Signals (T_j, C) forced through the reservoir."""
         return force(self.reservoir, signals, self.recipe.washout)
 
-    def moments_of(self, signals: list[Array]) -> list[Moments]:
-        """The moments of each signal (T_j, C), forced through the reservoir."""
-        return [moments(forced) for forced in self.force(signals)]
-
-    def costs(self, signals: list[Array]) -> Array:
-        """The centred log error of each expert on each signal, shape (signals, M); the least names the class."""
-        return log_errors(self.readouts, self.force(signals), self.together) - self.centre
+    def costs(self, forced: list[Forced]) -> Array:
+        """The centred log error of each expert on each forced signal, shape (signals, M); the least names the class."""
+        return log_errors(self.readouts, forced, self.together) - self.centre
 
     def confidences(self, costs: Array) -> Array:
         """The confidence of verdicts on costs (signals, M), shape (signals,), for comparison with the threshold."""

@@ -7,7 +7,15 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from controller.learning.recognition.experts import ExpertBank, ExpertRecipe, ModelSpace, Moments, margins, teach
+from controller.learning.recognition.experts import (
+    ExpertBank,
+    ExpertRecipe,
+    ModelSpace,
+    Moments,
+    margins,
+    moments,
+    teach,
+)
 from controller.learning.recognition.features import (
     POSITION_UNIT,
     VELOCITY_UNIT,
@@ -67,10 +75,11 @@ class Recognizer:
 
     def verdict_on(self, signal: Array) -> RecognitionVerdict:
         """The verdict on the features of a clip, shape (T, C)."""
-        errors = self.bank.costs([signal])[0]
+        forced = self.bank.force([signal])
+        errors = self.bank.costs(forced)[0]
         if self.models is None:
             return self.verdict(errors, errors)
-        return self.verdict(errors, errors - self.models.votes(self.bank.moments_of([signal]), self.bank.recipe)[0])
+        return self.verdict(errors, errors - self.models.votes([moments(forced[0])], self.bank.recipe)[0])
 
     def features(self, clip: Clip) -> Array:
         """The features of a clip, shape (T, C), T >= 2; errors as `recognize`."""
@@ -114,9 +123,9 @@ def train_recognizer(
     bank = _trained_bank(signals, range(len(signals)), dataset, experts)
     threshold = rejection_threshold(signals, dataset, experts)
     sources = tuple(example.path.name for example in dataset.examples)
-    every = [signal for own in signals for signal in own]
+    every = bank.force([signal for own in signals for signal in own])
     labels = np.repeat(dataset.labels, len(stretches)).tolist()
-    models = ModelSpace.fit(bank.moments_of(every), labels, bank.costs(every), experts)
+    models = ModelSpace.fit([moments(one) for one in every], labels, bank.costs(every), experts)
     return Recognizer(look, bank, threshold, len(signals), sources, models)
 
 
@@ -135,7 +144,7 @@ def rejection_threshold(signals: list[list[Array]], dataset: Dataset, experts: E
 
     def seen(learn: Iterable[int], ask: Iterable[int]) -> Array:
         bank = _trained_bank(signals, learn, dataset, experts)
-        return bank.confidences(bank.costs([signal for i in ask for signal in signals[i]]))
+        return bank.confidences(bank.costs(bank.force([signal for i in ask for signal in signals[i]])))
 
     labels = dataset.labels
     if len(np.unique(dataset.actors)) == 1 and len(dataset.classes) > 2:

@@ -88,7 +88,7 @@ def test_impossible_recipes_are_refused(wrong):
 def test_constant_channels_do_no_harm():
     parts = [np.column_stack([s, np.zeros((len(s), 2)), np.full((len(s), 1), 7.0)]) for s in signals(3)]
     bank = teach(SMALL, parts, ["a", "a", "b", "b"])
-    assert np.isfinite(bank.costs(parts)).all()
+    assert np.isfinite(bank.costs(bank.force(parts))).all()
 
 
 def test_each_motion_is_foretold_best_by_its_own_expert():
@@ -120,7 +120,7 @@ def test_a_committee_is_the_mean_over_groups_and_joints():
             for number, one in enumerate(forced):
                 square = np.square(one.states[:, group] @ weights.T - one.targets).mean(0)
                 expected[number, expert] += np.log(square.reshape(2, 3).mean(1)).sum() / 4.0
-    assert np.allclose(bank.costs(parts), expected - bank.centre, atol=1e-9)
+    assert np.allclose(bank.costs(bank.force(parts)), expected - bank.centre, atol=1e-9)
 
 
 def ridge_of(of, group, share):
