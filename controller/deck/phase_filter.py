@@ -26,6 +26,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from controller.motion.clip import between_rows
 from controller.motion.rotations import Array, Flags
 
 RATE = 30.0  # Hz
@@ -65,9 +66,10 @@ class PhaseFilter:
         self._share = TEMPOS[:, None] - np.floor(TEMPOS)[:, None]
         for first, long, course, heading, loop in zip(self._first[:-1], lengths, courses, headings, loops, strict=True):
             own, here, start = slice(first, first + long), np.arange(long), long if loop else 0
+            flat, every = course.reshape(len(course), -1), np.arange(len(course))
             now[own], facing[own] = course[start : start + long], heading[start : start + long]
             for v, tempo in enumerate(TEMPOS):
-                past[v, own] = _between(course, start + here - PAST * tempo)
+                past[v, own] = between_rows(flat, every, start + here - PAST * tempo).reshape(long, -1, 3)
                 for table, back in zip(self._from, (np.floor(tempo), np.floor(tempo) + 1.0), strict=True):
                     before = here - int(back)
                     inside = (before >= 0) & (before < long)
@@ -172,10 +174,3 @@ class _Expected:
 
 def _plane(points: Array) -> NDArray[np.complex128]:
     return points[..., 0] + 1j * points[..., 1]
-
-
-def _between(course: Array, place: Array) -> Array:
-    low = np.floor(place).astype(np.int64)
-    share = (place - low)[:, None, None]
-    last = len(course) - 1
-    return (1.0 - share) * course[low.clip(0, last)] + share * course[(low + 1).clip(0, last)]

@@ -18,6 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from controller.motion.clip import between_rows
 from controller.motion.rotations import Array
 from sim.physical.course import Batch, CarriedCourse, played
 
@@ -151,7 +152,7 @@ class Sampling(Search):
         at, nodes = np.arange(now, last), np.linspace(now, last - 1, NODES)
         near = np.maximum(1.0 - np.abs(at[:, None] - nodes) / max(nodes[1] - nodes[0], 1e-9), 0.0)
         near /= near.sum(axis=1, keepdims=True)
-        plan = np.stack([np.interp(nodes, at, joint) for joint in self.offsets[now:last].T], axis=1)
+        plan = between_rows(self.offsets[now:last], at, nodes)
         random = np.random.default_rng(now + ahead * len(self._course.states))
         drawn = plan + SIGMA * random.standard_normal((ROLLOUTS, *plan.shape))
         drawn[0] = plan
