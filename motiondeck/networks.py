@@ -77,9 +77,7 @@ def morph(network: AnyNetwork, source: str, target: str) -> Morph:
     MotiondeckError if it does not play the source, or a center drives it. UnknownNameError if there is no such motion.
     """
     if (autonomous := network.as_autonomous) is None:
-        raise MotiondeckError(
-            f"a {network.kind} network is not morphed; PhaseMorph is for loops of phase-conceptor ones"
-        )
+        raise MotiondeckError(f"a {network.kind} network is not morphed; PhaseMorph is for phase-conceptor loops")
     return autonomous.morph(source, target)
 
 

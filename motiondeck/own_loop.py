@@ -232,9 +232,7 @@ class Deck(DeckCommands[CommandedSwitch]):
         start = self._start if self._start is not None else self._measured
         start = first if start is None else np.where(np.isfinite(start), start, first)
         envelope = safety_envelope(self.limits, 1.0 / self._rate)
-        self._targets = safe_targets(
-            self._source, [_Start(start)], envelope, self._stop, float("inf"), self._robot.rest
-        )
+        self._targets = safe_targets(self._source, [_Start(start)], envelope, self._stop, np.inf, self._robot.rest)
         self._curve = TargetCurve(start, self._source.pose)
         return self._curve
 

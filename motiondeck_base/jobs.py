@@ -129,9 +129,7 @@ def _connected(address: str) -> Any:
     try:
         from distributed import Client
     except ImportError:
-        raise MotiondeckError(
-            'a Dask cluster needs distributed. Install it with: pip install "motiondeck[cluster]"'
-        ) from None
+        raise MotiondeckError('a Dask cluster needs distributed: pip install "motiondeck[cluster]"') from None
     try:
         client: Any = Client(f"tcp://{address}", timeout=_PATIENCE, set_as_default=False)
     except (OSError, ValueError):

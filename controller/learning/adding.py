@@ -48,9 +48,7 @@ def add_motion(library: MotionLibrary, path: Path, clip: Clip, motion: MotionRec
     if motion.name in network.motions:
         raise MotiondeckError(f"{path}: there is a motion '{motion.name}' in it already; give another --name")
     if recipe.as_recorded:
-        raise MotiondeckError(
-            f"{path}: its motions were learned as recorded, without loops; such a library is not added to"
-        )
+        raise MotiondeckError(f"{path}: its motions were learned as recorded, without loops; it is not added to")
     if network.kind != kind_of(recipe.network):
         raise MotiondeckError(f"the recipe in the library '{recipe.name}' is for another kind of network")
     own = mirrored(clip) if motion.mirrored else clip

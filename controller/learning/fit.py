@@ -208,6 +208,4 @@ def _judge(library: MotionLibrary, path: Path, file: Path, recipe: LibraryRecipe
 def _of_file(plan: MotionRecipe, file: Path) -> MotionRecipe:
     """The recipe of a motion for a file that may lie elsewhere than when it was learned."""
     skeleton = find_skeleton(file, AS_FOUND)
-    return msgspec.structs.replace(
-        plan, file=str(file.absolute()), skeleton=None if skeleton is None else str(skeleton.absolute())
-    )
+    return msgspec.structs.replace(plan, file=str(file.absolute()), skeleton=skeleton and str(skeleton.absolute()))

@@ -92,9 +92,7 @@ def read_recipe(path: Path, data: Path | None = None) -> LibraryRecipe:
     FileFormatError has a line for each problem that names the file, the key and what is allowed.
     """
     recipe = read_toml(path, LibraryRecipe)
-    motions = [
-        one if one.name else msgspec.structs.replace(one, name=typeable(Path(one.file).stem)) for one in recipe.motions
-    ]
+    motions = [m if m.name else msgspec.structs.replace(m, name=typeable(Path(m.file).stem)) for m in recipe.motions]
     return check_recipe(msgspec.structs.replace(recipe, name=recipe.name or path.stem, motions=motions), path, data)
 
 
@@ -123,9 +121,9 @@ def gesture_recipe(name: str, clips: Sequence[Path]) -> LibraryRecipe:
     recorded = {path: read_clip(path) for path in clips}
     motions = [
         MotionRecipe(
-            name=motion_of(first), file=str(first), plays=recorded[first].plays or "loop", takes=tuple(map(str, more))
+            name=motion_of(one), file=str(one), plays=recorded[one].plays or "loop", takes=tuple(map(str, more))
         )
-        for first, *more in by_motion(clips)
+        for one, *more in by_motion(clips)
     ]
     expected = recorded[clips[0]].skeleton.bones
     for path, clip in recorded.items():

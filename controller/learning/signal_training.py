@@ -124,9 +124,7 @@ def _motions(
         series[name] = frames = time_series(signal, f"signal '{name}'", channels)
         if len(frames) < washout + 2:
             lead_in = f"{washout} of them lead in (washout), and " if washout else ""
-            raise MotiondeckError(
-                f"signal '{name}' of {len(frames)} frames is too short: {lead_in}2 at least are learned"
-            )
+            raise MotiondeckError(f"signal '{name}' has {len(frames)} frames, too few: {lead_in}2 at least are learned")
     normalisation = Normalisation.fit(list(series.values()))
     return [
         TrainingMotion(name, frames[washout:], name in loops, frames[:washout] if washout else None)

@@ -55,9 +55,7 @@ class Skeleton:
         if not (np.isfinite(self.rest_direction).all() and np.isfinite(self.length).all()):
             raise FileFormatError(f"skeleton '{self.name}' holds a number that is not finite")
         if np.any(np.abs(np.linalg.norm(self.rest_direction, axis=1) - 1.0) > 1e-6) or np.any(self.length < 0):
-            raise FileFormatError(
-                f"skeleton '{self.name}' has a rest direction that is no unit vector or a negative length"
-            )
+            raise FileFormatError(f"skeleton '{self.name}': a rest direction is no unit vector or a length is below 0")
         for index, (bone, parent) in enumerate(zip(self.bones, self.parent, strict=True)):
             if not ROOT <= parent < index:
                 raise FileFormatError(f"skeleton '{self.name}': bone '{bone}' does not follow its parent")

@@ -121,9 +121,7 @@ class Guard:
         self.network = network
         self.motions, self.channels = network.motions, network.channels
         self.scale = spread(network)
-        self.beats = {
-            name: beat(network, name, self.scale, lengths[name], rate, loop=loops[name]) for name in network.motions
-        }
+        self.beats = {m: beat(network, m, self.scale, lengths[m], rate, loop=loops[m]) for m in network.motions}
         self.recues = self.anchor = 0
         self._newest = np.zeros((1, network.channels))
         self._astray = np.zeros(1, dtype=bool)
@@ -188,7 +186,5 @@ def beat(network: FrameNetwork, motion: str, scale: Channels, length: int, rate:
                 least = min(least, smooth)
             slowest = FROZEN * least
     stride = None if loop else look_every * len(anchors) / length
-    disorder = DISORDER * float(np.sqrt(np.square(frames - frames.mean(0)).mean()))
-    return Beat(
-        anchors, frames[anchors], np.square(frames[anchors]).sum(1), pace, slowest, disorder, stride, look_every
-    )
+    unrest = DISORDER * float(np.sqrt(np.square(frames - frames.mean(0)).mean()))
+    return Beat(anchors, frames[anchors], np.square(frames[anchors]).sum(1), pace, slowest, unrest, stride, look_every)

@@ -23,9 +23,7 @@ def ridge(states: Array, targets: Array, regulariser: float) -> Array:
             "channels) are needed, of equally many frames"
         )
     if not (regulariser >= 0.0 and np.isfinite(states).all() and np.isfinite(targets).all()):
-        raise MotiondeckError(
-            f"ridge regression with a regulariser of {regulariser}: give finite numbers, none below 0"
-        )
+        raise MotiondeckError(f"a regulariser of {regulariser}: give finite numbers, none below 0")
     from scipy.linalg import cho_factor, cho_solve  # takes longer to import than a library takes to load
 
     frames, neurons = states.shape
@@ -38,9 +36,7 @@ def ridge(states: Array, targets: Array, regulariser: float) -> Array:
         gram[np.diag_indices(neurons)] += regulariser
         return cho_solve(cho_factor(gram, overwrite_a=True), states.T @ targets).T
     except np.linalg.LinAlgError:
-        raise MotiondeckError(
-            f"states that do not differ enough for a regulariser of {regulariser:g}; give a larger one"
-        ) from None
+        raise MotiondeckError(f"states differ too little for a regulariser of {regulariser:g}; enlarge it") from None
 
 
 def affine_ridge(states: Array, targets: Array, regulariser: float, weight: Array | None = None) -> Array:

@@ -32,9 +32,7 @@ _TAKEN = 320  # datagrams received in one poll
 _WAITING = 256  # datagrams kept for later polls
 _STOP_AGAIN, _STOP_FOR = 0.02, 5.0  # s: how often, and for how long, an unanswered stop over a network is sent
 _STOPPED_WITHIN = 0.5  # s in which a stop of a deck of this user is answered
-_UNSTOPPED = (
-    "the emergency stop is not acknowledged: the deck has ended, or is held up. If the robot moves, cut its power"
-)
+_UNSTOPPED = "the emergency stop is not acknowledged: the deck has ended, or hangs. If the robot moves, cut its power"
 _REMEMBERED = 256  # second replies that a client keeps for `wait_settled`
 
 T = TypeVar("T")

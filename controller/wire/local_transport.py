@@ -61,9 +61,7 @@ def command_folder() -> Path:
             "Set XDG_RUNTIME_DIR to a folder of your own"
         ) from error
     if not stat.S_ISDIR(about.st_mode) or about.st_uid != user or about.st_mode & 0o077:
-        raise SocketError(
-            f"{folder}: others could command the deck here. Remove it, or forbid that with: chmod 700 {folder}"
-        )
+        raise SocketError(f"{folder}: others could command the deck here. Remove it, or: chmod 700 {folder}")
     return folder
 
 

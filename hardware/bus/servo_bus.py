@@ -291,9 +291,7 @@ class Bus:
         """The status a servo answers with, or the reason why there is none."""
         status = self._ask_patiently(frame, id, length)
         if status is None:
-            raise NoReplyError(
-                f"id {id} on {self.port.name} does not answer ({what}). Check its power, cable, id and baud rate."
-            )
+            raise NoReplyError(f"id {id} on {self.port.name} does not answer ({what}). Check power, cable, id, baud.")
         if status.error:
             meaning = ERRORS.get(status.error, "unknown error")
             raise RefusedError(f"id {id} on {self.port.name} refused to {what}: error {status.error}, {meaning}.")

@@ -68,9 +68,7 @@ class RigConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             if joint.table.baud_value(self.baud) is None:
                 raise ValueError(f"joint {number} ({joint.name}): model '{joint.model}' cannot do {self.baud} baud")
         for port in self.ports:
-            self._refuse_doubles(
-                "id", [self._ids(joint) if self._port_of(joint) == port else () for joint in self.joints]
-            )
+            self._refuse_doubles("id", [self._ids(one) if self._port_of(one) == port else () for one in self.joints])
         self._refuse_doubles("name", [(joint.name,) for joint in self.joints])
 
     @property
@@ -88,9 +86,7 @@ class RigConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         """The joints of each port as a rig of one port, in the order of `ports`."""
         parts = []
         for port in self.ports:
-            joints = tuple(
-                msgspec.structs.replace(joint, port="") for joint in self.joints if self._port_of(joint) == port
-            )
+            joints = tuple(msgspec.structs.replace(one, port="") for one in self.joints if self._port_of(one) == port)
             parts.append(msgspec.structs.replace(self, port=port, joints=joints))
         return tuple(parts)
 

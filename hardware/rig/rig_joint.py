@@ -104,15 +104,11 @@ class RigJoint(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             ("current", self.current, "A", "current_limit", 1.0),
         ):
             if value and value < (least := self.table[name].si / gear):
-                raise ValueError(
-                    f"{key} is {value:g} {unit}; the least that model '{self.model}' can keep is {least:.3g}"
-                )
+                raise ValueError(f"{key} is {value:g} {unit}; the least that '{self.model}' can keep is {least:.3g}")
 
     def _refuse_far_limits(self) -> None:
         if max(abs(self.lower), abs(self.upper)) > _FARTHEST:
-            raise ValueError(
-                f"limits {self.lower} to {self.upper} rad are beyond two turns of the joint. Limits are in radians"
-            )
+            raise ValueError(f"limits {self.lower} to {self.upper} rad are beyond two turns of the joint: give radians")
         if not self.in_one_turn and EXTENDED_MODE not in self.modes:
             (bottom, top), (low, high) = self.table.one_turn, self.ends
             raise ValueError(
@@ -143,11 +139,9 @@ class RigJoint(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         """Each of its servos as a joint with that one alone."""
         if (second := self.second) is None:
             return (self,)
-        first = msgspec.structs.replace(self, second=None)
+        one = msgspec.structs.replace(self, second=None)
         name = self.name + _SECOND
-        return first, msgspec.structs.replace(
-            first, name=name, id=second.id, direction=second.direction, zero=second.zero
-        )
+        return one, msgspec.structs.replace(one, name=name, id=second.id, direction=second.direction, zero=second.zero)
 
     @property
     def joint_name(self) -> str:

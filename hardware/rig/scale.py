@@ -24,9 +24,7 @@ class RigScale:
         self.zero = np.array([joint.zero for joint in joints], dtype=np.float64)
         self._per_radian = np.array([joint.pulses_per_radian for joint in joints])
         # One count of velocity, shape (J,), rad/s; its sign is as that of `amperes`.
-        self.rad_per_s = np.array(
-            [joint.table["present_velocity"].si / (joint.direction * joint.gear) for joint in joints]
-        )
+        self.rad_per_s = np.array([one.table["present_velocity"].si / (one.direction * one.gear) for one in joints])
         self._signs = np.array([_signs(joint) for joint in joints], dtype=np.int64).T
         # One count of current or load, shape (J,), A, negative where the servo turns the other way.
         self.amperes = np.array([joint.direction * _ampere(joint) for joint in joints])

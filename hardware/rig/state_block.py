@@ -61,11 +61,9 @@ def arranged(table: ControlTable, firmware: int) -> Arrangement | None:
     since, earlier = table.series.cells_moved or (0, 0)
     cells = table["indirect_data_1"].address - (earlier if firmware >= since else 0)
     places = [place for row in rows for place in range(row.address, row.address + row.length)]
-    offsets = np.cumsum([0, *(row.length for row in rows)])[:-1].tolist()
+    starts = np.cumsum([0, *(row.length for row in rows)])[:-1].tolist()
     pointers = b"".join(place.to_bytes(2, "little") for place in places)
-    return Arrangement(
-        _block(cells, size, rows, offsets, _fields(table)), table["indirect_address_1"].address, pointers
-    )
+    return Arrangement(_block(cells, size, rows, starts, _fields(table)), table["indirect_address_1"].address, pointers)
 
 
 def motion(table: ControlTable) -> StateBlock:

@@ -173,9 +173,7 @@ def measured_joint(
     if joint.table.series.wraps and not bottom <= low <= high <= top and high - low <= top - bottom:
         joint, shift = _centred(joint, low, high)
         zero, low, high = zero - shift, low - shift, high - shift
-        notes.append(
-            f"{joint.name}: its servo needs homing_offset {joint.homing_offset}: motiondeck rig doctor RIG --fix"
-        )
+        notes.append(f"{joint.name} needs homing_offset {joint.homing_offset}: motiondeck rig doctor RIG --fix")
     if EXTENDED_MODE in joint.modes:
         bottom, top = min(bottom, low), max(top, high)
     kept_low, kept_high = max(low, bottom), min(high, top)

@@ -113,7 +113,7 @@ def examine(config: RigConfig, bus: Bus) -> Report:
         at_switch_on = [one for one in differences if one.when == "switch-on" and one.register not in _THE_RIGS_OWN]
         notes += [f"{one}: {_SET_ANYWAY}" for one in at_switch_on]
         notes += [f"{one}: {_KEPT}" for one in differences if one.when == "kept"]
-    actuators = [describe_actuator(joint, _gains(joint, bus) if joint.id in heard else {}) for joint in joints]
+    driven = [describe_actuator(joint, _gains(joint, bus) if joint.id in heard else {}) for joint in joints]
     problems += _followers_beside(config, bus)
     if bus.echoes:
         notes.append("the adapter returns what is sent to it, which is dropped")
@@ -126,12 +126,8 @@ def examine(config: RigConfig, bus: Bus) -> Report:
     possible = 1.0 / (_longest_tick(config, servos) + (latency or 0) * 1e-3)
     wanted = max(config.rate_hz, config.read_hz)
     if possible < wanted:
-        problems.append(
-            f"the wire allows {possible:.0f} Hz, the rig file wants {wanted:g}: raise baud, or lower rate_hz"
-        )
-    return Report(
-        bus.port.name, bus.baud, latency, config.rate_hz, possible, servos, actuators, problems, notes, missing
-    )
+        problems.append(f"the wire allows {possible:.0f} Hz, the rig file has {wanted:g}: raise baud or lower rate_hz")
+    return Report(bus.port.name, bus.baud, latency, config.rate_hz, possible, servos, driven, problems, notes, missing)
 
 
 def _followers_beside(config: RigConfig, bus: Bus) -> Iterator[str]:

@@ -73,9 +73,7 @@ def chirp_of(joint: RigJoint, position: float) -> Chirp:
     low, high = joint.lower + _MARGIN, joint.upper - _MARGIN
     swing = min(_SWING, 0.5 * (high - low))
     if swing < _LEAST_SWING:
-        raise RigError(
-            f"{joint.label} cannot be identified: its range of {joint.upper - joint.lower:.2f} rad is small."
-        )
+        raise RigError(f"{joint.label} cannot be identified: a range of {joint.upper - joint.lower:.2f} rad is small.")
     center = min(max(position, low + swing), high - swing)
     limit = joint.acceleration or math.inf
     # A growing swing adds a little to the speed of one that has grown.

@@ -79,9 +79,7 @@ def imported(motors: Mapping[str, MotorCalibration], found: Sequence[Found], por
         if name == _GRIPPER and "current_limit" in joint.table.registers:
             current = round(_HOLDS * TRAITS[joint.model].stall_current, 2)
             joint = msgspec.structs.replace(joint, current=current, grip=True)
-            given_up.append(
-                f"{name} grips with {current:g} A, half of what its motor takes: change current as you need"
-            )
+            given_up.append(f"{name} grips with {current:g} A, half what its motor takes: change current as you need")
         joints.append(joint)
         notes += given_up
     return assembled(joints, port, (servos[motor.id].baud for motor in motors.values())), notes

@@ -55,9 +55,7 @@ def set_up(
     garbled: list[int] = []
     found = scan(open_bus, on_garbled=garbled.append)
     if garbled:
-        raise RigError(
-            f"garbled answers at {garbled[0]} baud: two servos may have the same id. Connect the one to set up alone."
-        )
+        raise RigError(f"garbled answers at {garbled[0]} baud: two servos may have the same id. Connect one alone.")
     if not found:
         raise RigError("no servo answers at any baud rate. Check power, cable and adapter.")
     if len(found) > 1:

@@ -69,9 +69,7 @@ def open_stop_input(device: Path) -> StopInput:
             adapter.dtr = True
             found = StopInput(str(device), lambda: adapter.cts, adapter.close)
     except (OSError, serial.SerialException) as error:
-        raise MotiondeckError(
-            f"{device}: the stop cannot be read ({getattr(error, 'strerror', None) or error})"
-        ) from None
+        raise MotiondeckError(f"{device}: cannot be read ({getattr(error, 'strerror', None) or error})") from None
     found.look()
     if found.pulled:
         found.close()

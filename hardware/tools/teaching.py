@@ -112,9 +112,7 @@ def beyond_limits(config: RigConfig, angles: Array, rate: float) -> list[str]:
     for joint, values, speed in zip(config.joints, angles.T, speeds, strict=True):
         low, high = float(values.min()), float(values.max())
         if low < joint.lower or high > joint.upper:
-            found.append(
-                f"{joint.name} went from {low:.2f} to {high:.2f} rad, it may {joint.lower:g} to {joint.upper:g}"
-            )
+            found.append(f"{joint.name} went {low:.2f} to {high:.2f} rad, it may {joint.lower:g} to {joint.upper:g}")
         if speed > joint.velocity:
             found.append(f"{joint.name} was moved at {speed:.1f} rad/s, it may {joint.velocity:g}")
     return found

@@ -40,9 +40,7 @@ class LearnOptions:
 
     what: Annotated[
         list[Path],
-        Argument(
-            metavar="RECORDING...|RECIPE", help="Recordings in any format and folders of them, or a recipe (.toml)."
-        ),
+        Argument(metavar="RECORDING...|RECIPE", help="Recordings in any format, folders of them, or a recipe (.toml)."),
     ]
     out: Annotated[
         Path | None,
@@ -130,9 +128,7 @@ def learn(options: LearnOptions, reading: Reading, as_json: JsonOption = False) 
     if reading != Reading() and "recording" not in kinds:
         raise MotiondeckError("--unit and other options of reading are for recordings; in a recipe they are keys")
     if options.plays is not None and kinds != {"recording"}:
-        raise MotiondeckError(
-            "--as is for recordings; a recipe and keyframes have plays, and clips were taught with it"
-        )
+        raise MotiondeckError("--as is for recordings; a recipe and keyframes have plays, and clips are taught with it")
     if options.whole and kinds != {"recording"}:
         raise MotiondeckError("--whole is for recordings; a recipe says by frames what it takes of one")
     if options.physical and (options.robot is None or kinds != {"recording"}):

@@ -20,9 +20,7 @@ if TYPE_CHECKING:
 
 app = typer.Typer(help="List, show, extend and bake motion libraries.", no_args_is_help=True)
 
-LibraryArgument = Annotated[
-    str, Argument(metavar="LIBRARY", help="A library file (.safetensors), or a shipped one by its name.")
-]
+LibraryArgument = Annotated[str, Argument(metavar="LIBRARY", help="A library file, or a shipped one's name.")]
 OutOption = Annotated[Path | None, Option(metavar="FILE", help="The library to write; default: LIBRARY itself.")]
 
 
@@ -65,9 +63,7 @@ def show(
     recording: Annotated[
         Path | None, Argument(metavar="[RECORDING]", help="Judge the motions of this recording anew by it.")
     ] = None,
-    robot: Annotated[
-        str | None, Option(metavar="ROBOT", help="Say which motions this robot plays, as `preflight` does.")
-    ] = None,
+    robot: Annotated[str | None, Option(metavar="ROBOT", help="Say which motions it plays, like `preflight`.")] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Show the motions, the network, and the origin of a library.
@@ -124,9 +120,7 @@ def _judge_anew(library: MotionLibrary, path: Path, recording: Path, as_json: bo
 def bake(
     library: LibraryArgument,
     robot: Annotated[str, Option(metavar="ROBOT", help="The robot to carry it to.")],
-    out: Annotated[
-        Path | None, Option(metavar="FILE", help="The library to write; default: where `play` looks for it.")
-    ] = None,
+    out: Annotated[Path | None, Option(metavar="FILE", help="The library; default: where `play` looks for it.")] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Carry a library to a robot's joints beforehand.
@@ -168,15 +162,11 @@ def bake(
 @grouped
 def add(
     library: LibraryArgument,
-    clip: Annotated[
-        Path, Argument(metavar="RECORDING", help="The recording to learn, of any format, skeleton and rate.")
-    ],
+    clip: Annotated[Path, Argument(metavar="RECORDING", help="The recording, of any format, skeleton and rate.")],
     reading: Reading,
     name: Annotated[str, Option(metavar="NAME", help="Name of the motion; default: the recording's.")] = "",
     once: Annotated[bool, Option("--once", help="A one-shot, which holds its last pose; default: a loop.")] = False,
-    frames: Annotated[
-        tuple[int, int] | None, Option(metavar="FIRST END", help="Only these frames of the recording.")
-    ] = None,
+    frames: Annotated[tuple[int, int] | None, Option(metavar="FIRST END", help="Only these frames of it.")] = None,
     out: OutOption = None,
     allow_failing: Annotated[
         bool, Option("--allow-failing", help="Write the library even if the motion fails its self-test.")

@@ -32,9 +32,7 @@ _LEFT_OUT = ("motion", "library", "script", "page", "command_port")  # when the 
 def play(
     context: typer.Context,
     spec: RunSpec,
-    video: Annotated[
-        Path | None, of_film(metavar="FILE", help="Film it (.mp4 or .gif) instead of playing it live.")
-    ] = None,
+    video: Annotated[Path | None, of_film(metavar="FILE", help="Film it (.mp4, .gif) instead of playing live.")] = None,
     size: SizeOption = None,
     fps: FpsOption = None,
     camera: CameraOption = "follow",

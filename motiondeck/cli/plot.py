@@ -14,9 +14,7 @@ if TYPE_CHECKING:
 
 def plot(
     file: Annotated[Path, Argument(metavar="FILE", help="A recording made with `play --record FILE`.")],
-    out: Annotated[
-        Path | None, Option(metavar="PICTURE", help="A .png, .svg or .pdf file (default: FILE.png).")
-    ] = None,
+    out: Annotated[Path | None, Option(metavar="PICTURE", help="A .png, .svg or .pdf (default: FILE.png).")] = None,
     as_json: Annotated[bool, Option("--json", help="Print the figures as one JSON object, draw nothing.")] = False,
 ) -> None:
     """Plot a recorded run: lateness, tracking, motions and commands.
@@ -28,9 +26,7 @@ def plot(
 
     recording = load_recording(file)
     if recording.ticks == 0:
-        raise MotiondeckError(
-            f"{file}: this recording holds no tick. Record a run that plays: motiondeck play --record FILE."
-        )
+        raise MotiondeckError(f"{file}: no tick in it. Record a run that plays: motiondeck play --record FILE.")
     figures = measure(recording)
     if as_json:
         print(json.dumps(figures))

@@ -16,9 +16,7 @@ if TYPE_CHECKING:
 
 
 def preflight(
-    library: Annotated[str, Argument(metavar="LIBRARY", help="A library file, or a shipped one by its name.")] = (
-        "thesis15"
-    ),
+    library: Annotated[str, Argument(metavar="LIBRARY", help="A library file, or a shipped one's name.")] = "thesis15",
     robot: Annotated[str, Option(metavar="ROBOT", help="A robot file or a name (`robot list`).")] = "servo20",
     rig: Annotated[
         str | None, Option(metavar="RIG", help="A rig file, whose limits of position, velocity and current apply too.")

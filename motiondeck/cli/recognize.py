@@ -74,9 +74,7 @@ def train(
 @app.command("run")
 def run(
     recognizer: Annotated[Path, Argument(metavar="RECOGNIZER", help="A recognizer file (.safetensors).")],
-    clips: Annotated[
-        list[Path], Argument(metavar="FILE_OR_FOLDER...", help="Recordings of any format, and folders of them.")
-    ],
+    clips: Annotated[list[Path], Argument(metavar="FILE_OR_FOLDER...", help="Recordings of any format, or folders.")],
     skeleton: SkeletonOption = None,
     stream: Annotated[bool, Option("--stream", help="Recognize frame by frame, as on a robot.")] = False,
     as_json: JsonOption = False,

@@ -19,17 +19,11 @@ def replay(
     library: Annotated[
         str | None, Option(metavar="LIBRARY", help="The library that was played; default: found by its name.")
     ] = None,
-    robot: Annotated[
-        str | None, Option(metavar="ROBOT", help="The robot that played; default: found by its name.")
-    ] = None,
+    robot: Annotated[str | None, Option(metavar="ROBOT", help="The robot; default: found by its name.")] = None,
     spec: RunSpec,
-    scrub: Annotated[
-        bool, Option("--scrub", help="Show the targets on a page with a time bar; nothing is driven.")
-    ] = False,
+    scrub: Annotated[bool, Option("--scrub", help="Show targets on a page with a time bar; drive nothing.")] = False,
     headless: Annotated[bool, Option("--headless", help="No page and no terminal.")] = False,
-    rate: Annotated[
-        float | None, Option(metavar="HZ", help="Ticks of the loop per second, Hz; default: as recorded.")
-    ] = None,
+    rate: Annotated[float | None, Option(metavar="HZ", help="Ticks per second, Hz; default: as recorded.")] = None,
     as_json: Annotated[bool, Option("--json", help="Print a report as one JSON object in the end.")] = False,
 ) -> None:
     """Replay a recorded run: the same targets, through the same limits.

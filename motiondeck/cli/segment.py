@@ -17,15 +17,9 @@ if TYPE_CHECKING:
 
 def segment(
     file: Annotated[Path, Argument(metavar="FILE", help="The recording, of any format.")],
-    count: Annotated[
-        int | None, Option("--segments", metavar="N", min=1, help="Number of segments; default: detected.")
-    ] = None,
-    recognizer: Annotated[
-        Path | None, Option(metavar="FILE", help="Cut where a trained recognizer sees another motion.")
-    ] = None,
-    plot: Annotated[
-        Path | None, Option(metavar="FILE", help="Draw the cuts over the motion (.png, .svg, .pdf).")
-    ] = None,
+    count: Annotated[int | None, Option("--segments", metavar="N", min=1, help="How many; default: detected.")] = None,
+    recognizer: Annotated[Path | None, Option(metavar="FILE", help="Cut where a recognizer sees a new motion.")] = None,
+    plot: Annotated[Path | None, Option(metavar="FILE", help="Draw cuts over the motion (.png, .svg, .pdf).")] = None,
     skeleton: SkeletonOption = None,
     as_json: JsonOption = False,
 ) -> None:

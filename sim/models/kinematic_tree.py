@@ -162,7 +162,5 @@ def mirror_signs(path: Path) -> dict[str, int]:
     mujoco.mj_kinematics(model, data)
     hinges = [number for number in range(model.njnt) if model.jnt_type[number] == mujoco.mjtJoint.mjJNT_HINGE]
     axes = {model.joint(number).name: data.xaxis[number] for number in hinges}
-    along = {
-        name: float(axis @ (axes.get(twin_of(name), 0.0 * axis) * [-1.0, 1.0, -1.0])) for name, axis in axes.items()
-    }
+    along = {name: float(way @ (axes.get(twin_of(name), 0.0 * way) * [-1.0, 1.0, -1.0])) for name, way in axes.items()}
     return {name: int(np.sign(cosine)) for name, cosine in along.items() if abs(cosine) > _ALONG}

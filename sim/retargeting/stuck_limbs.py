@@ -52,9 +52,7 @@ class StuckLimbs:
     def of_limbs_off(self, missed: Array) -> Flags:
         """The joints (N,) of limbs that are off, for squared errors (K,), m^2."""
         off = missed > self._off
-        return np.any(
-            [joints & off[limb].any() for limb, joints in zip(self._limbs, self._joints, strict=True)], axis=0
-        )
+        return np.any([joints & off[one].any() for one, joints in zip(self._limbs, self._joints, strict=True)], axis=0)
 
     def better_limbs(self, q: Array, missed: Array, other: Array, there: Array) -> tuple[Array, Array]:
         """Joints (N,) and squared errors (K,), with limbs of other ones that are much closer."""

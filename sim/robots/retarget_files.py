@@ -119,9 +119,7 @@ def _places(paths: Sequence[Path], format: Format) -> dict[Path, Path]:
     for recording, place in places.items():
         other = taken.setdefault(place, recording)
         if other != recording:
-            raise MotiondeckError(
-                f"{recording} and {other} would both be written to {place}. Retarget them in separate runs."
-            )
+            raise MotiondeckError(f"{recording} and {other} would both be {place}. Retarget them in separate runs.")
     return places
 
 
@@ -140,16 +138,12 @@ def _opened(out: Path, settings: _Settings) -> dict[str, RetargetedFile]:
             path.write_text("".join(lines[:-1]), encoding="utf-8")
             lines.pop()
     except OSError as error:
-        raise MotiondeckError(
-            f"{path}: cannot be used ({error.strerror or error}). Give an --out that you may write to."
-        ) from None
+        raise MotiondeckError(f"{path}: cannot be used ({error.strerror or error}). Give another --out.") from None
     try:
         before = msgspec.json.decode(lines[0] if lines else "", type=_Settings)
         rows = [msgspec.json.decode(line, type=RetargetedFile) for line in lines[1:]]
     except (msgspec.MsgspecError, UnicodeDecodeError) as error:
-        raise MotiondeckError(
-            f"{path}: this is no manifest of retargeted motions ({error}). Give another --out."
-        ) from None
+        raise MotiondeckError(f"{path}: no manifest of retargeted motions ({error}). Give another --out.") from None
     if before != settings:
         raise MotiondeckError(
             f"{out} holds motions for {before.robot} as {before.format}"

@@ -147,9 +147,7 @@ class StandingBody:
             bend = next((k for k, joint in enumerate(limb.joints) if self.model.joint(joint).name in bends), 0)
             bend = bend or self.possible_bends(limb, limbs.get("l" if side == "r" else "r", limb))[0]
             knee = limb.joints[bend]
-            upper = next(
-                (joint for joint in reversed(limb.joints[:bend]) if moved[joint] != moved[knee]), limb.joints[0]
-            )
+            upper = next((one for one in reversed(limb.joints[:bend]) if moved[one] != moved[knee]), limb.joints[0])
             found = [upper, knee]
             end = self.end_joint(limb, bend)
             if end is not None:

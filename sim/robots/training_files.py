@@ -113,9 +113,7 @@ def _tracking(model: mujoco.MjModel, qpos: Array, rate: float, at: NDArray[np.in
 def _joints(path: Path, model: mujoco.MjModel) -> tuple[list[str], NDArray[np.intp]]:
     """The names of all joints but the root's, and their places in qpos (one later than in qvel)."""
     if (model.jnt_type[1:] == mujoco.mjtJoint.mjJNT_BALL).any():
-        raise FileFormatError(
-            f"{path}: this robot has ball joints, and the format has one number a joint. Give --format qpos."
-        )
+        raise FileFormatError(f"{path}: the robot has ball joints, the format one number a joint. Give --format qpos.")
     return [model.joint(j).name for j in range(1, model.njnt)], model.jnt_qposadr[1:].astype(np.intp)
 
 

@@ -56,7 +56,7 @@ def test_what_does_not_fit_is_refused(loaded):
         loaded.run(np.eye(3), 10)
     with pytest.raises(MotiondeckError, match="aperture -1"):
         loaded.conceptor("slow", -1.0)
-    with pytest.raises(MotiondeckError, match="too short"):
+    with pytest.raises(MotiondeckError, match="too few"):
         net.load_signals({"short": sine(5.0, 50)})
     with pytest.raises(MotiondeckError, match="not among the signals"):
         net.learn_signals({"one": sine(5.0)}, net.ConceptorRecipe(), loops=["two"])

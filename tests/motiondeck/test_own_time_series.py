@@ -46,7 +46,7 @@ def test_every_form_of_the_same_numbers_is_learned_alike(given, loaded, reservoi
         ({"a": [[1.0], [1.0, 2.0]] * 120}, "rows of different lengths"),
         ({"a": WAVE[:, :0]}, r"\(240, 0\)"),
         ({"a": WAVE, "b": WAVE[:, :1]}, "signal 'b' has 1 channels, but 2 are needed"),
-        ({"a": WAVE[:1]}, "of 1 frames is too short"),
+        ({"a": WAVE[:1]}, "has 1 frames, too few"),
     ],
 )
 def test_a_signal_that_cannot_be_learned_is_refused_by_name(signals, words):

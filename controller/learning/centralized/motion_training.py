@@ -90,9 +90,7 @@ def train_centralized(
         scaled = weights * scale[:, None]
         largest = float(np.abs(weights).max())
     if largest > LARGEST_WEIGHT:
-        raise MotiondeckError(
-            f"the weights grow to {largest:.0f}: {satellites} satellites are too many for {frames} frames"
-        )
+        raise MotiondeckError(f"weights reach {largest:.0f}: {satellites} satellites are too many for {frames} frames")
     return CentralizedMotion(learned.frequency, learned.phase, learned.satellites, scaled, rest, seconds, loop)
 
 

@@ -55,9 +55,7 @@ def train_subjects(
     recipe: LibraryRecipe, syllabus: TrainingSet, seeds: Iterable[int], jobs: Jobs = ALONE, tick: Tick = lambda: None
 ) -> list[Subject]:
     """The networks of a recipe, one per seed, in order."""
-    return sorted(
-        _gathered((delayed(_train)(recipe, syllabus, seed) for seed in seeds), jobs, tick), key=lambda s: s.seed
-    )
+    return sorted(_gathered((delayed(_train)(recipe, syllabus, s) for s in seeds), jobs, tick), key=lambda s: s.seed)
 
 
 def sweep(

@@ -171,12 +171,10 @@ def _measured(
     seen = _unturned(seen, run[:, TURN_RATE], judge.rate)
     ratios = _peaks(seen[max(0, start - 3) : end + AFTER]) / np.maximum(peaks[source], peaks[target])
     length = np.linalg.norm(vectors[start:end], axis=-1)
-    reason = _failure(target, run[end:], judge)
+    why = _failure(target, run[end:], judge)
     velocity, acceleration, jerk = ratios.tolist()
     error = float(np.abs(length - 1.0).max())
-    return MeasuredTransition(
-        source, target, method, end - start, velocity, acceleration, jerk, error, bool(reason), reason
-    )
+    return MeasuredTransition(source, target, method, end - start, velocity, acceleration, jerk, error, bool(why), why)
 
 
 def _failure(target: str, run: Array, judge: Judge) -> str:

@@ -90,9 +90,7 @@ def recording_error(library: MotionLibrary, motion: str, recorded: RecordedPart)
         when, target, kept = since, wanted.copy(), np.full(len(since), True)
         for frame in map(int, np.flatnonzero(since >= seconds - STOPS)):
             target[frame] = _nearest_late(recorded, frame, _at(own, since[frame : frame + 1] * rate))
-    ours, own_body, theirs = map(
-        _from_hips, (_at(played, when * rate)[kept], _at(own, when * rate)[kept], target[kept])
-    )
+    ours, own_body, theirs = (_from_hips(x[kept]) for x in (_at(played, when * rate), _at(own, when * rate), target))
     at = recorded.first + when[kept] % seconds
     bones = _pointing(recorded)
     held = None

@@ -122,9 +122,7 @@ def folds(protocol: Protocol, labels: Indices, actors: Indices, seed: int = 0) -
         if len(ask) and len(np.unique(labels[learn])) > 1:
             out.append((learn, ask))
     if not out:
-        raise MotiondeckError(
-            f"protocol '{protocol}': no split has two classes to learn and an example to ask. Add recordings."
-        )
+        raise MotiondeckError(f"protocol '{protocol}': no split has two classes and an example to ask. Add recordings.")
     return out
 
 

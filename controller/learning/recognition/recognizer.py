@@ -108,9 +108,7 @@ def train_recognizer(
     """
     for stretch in stretches:
         if not SHORTEST_STRETCH <= stretch <= LONGEST_STRETCH:
-            raise MotiondeckError(
-                f"a stretch of {stretch:g} is not between {SHORTEST_STRETCH:g} and {LONGEST_STRETCH:g}"
-            )
+            raise MotiondeckError(f"a stretch of {stretch:g}: give {SHORTEST_STRETCH:g} to {LONGEST_STRETCH:g}")
     if len(dataset.classes) < 2:
         there = f"there is only one class, '{dataset.classes[0]}'" if dataset.classes else "there is no class"
         raise MotiondeckError(f"{there}; a recognizer needs two folders or more.")

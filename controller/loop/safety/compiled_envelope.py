@@ -33,9 +33,7 @@ class CompiledEnvelope(SafetyEnvelope):
         super().__init__(limits, dt)
         self._states = states = np.array(self._states)
         self._limits, self._targets = np.array(self._bounds), np.empty(len(states))
-        *fixed, targets = (
-            ctypes.c_void_p(one.ctypes.data) for one in (self._limits, states, self._safe, self._targets)
-        )
+        *fixed, targets = (ctypes.c_void_p(x.ctypes.data) for x in (self._limits, states, self._safe, self._targets))
         self._brake = partial(library.envelope_brake, len(states), *fixed)
         self._tick = partial(library.envelope_tick, len(states), *fixed, targets)
 

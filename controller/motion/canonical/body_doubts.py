@@ -66,9 +66,7 @@ def other_doubts(clip: Clip) -> list[str]:
     lowest = joints[..., 2].min(axis=1)
     deep, floats = -float(np.median(lowest)), float(np.percentile(lowest, NEARLY_NEVER))
     if deep > DEEPEST:
-        found.append(
-            f"the body is {deep:.2f} m below the ground: give its height in the file (--ground), or the up axis (--up)."
-        )
+        found.append(f"the body is {deep:.2f} m below the ground: give its height (--ground), or the up axis (--up).")
     if floats > FLOATS:
         found.append(
             f"the body floats {floats:.2f} m above the ground all the time: the up axis may be wrong (--up), or the "

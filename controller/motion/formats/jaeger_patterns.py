@@ -56,9 +56,7 @@ def read_pattern(path: str | Path, options: ReadingOptions = AS_FOUND) -> Clip:
     if not (np.isfinite(data).all() and np.isfinite(lengths).all()):
         raise FileFormatError(f"{path}: holds a number that is not finite. Fetch the file again.")
     if not np.all((lengths > 0.0) & (lengths < 1e6)):
-        raise FileFormatError(
-            f"{path}: segLengths{pattern} holds a length that no bone in mm can have. Fetch it again."
-        )
+        raise FileFormatError(f"{path}: segLengths{pattern} holds a length that no bone in mm has. Fetch it again.")
     if np.any(np.abs(data[:, :FIRST_BONE]) > 1e6):
         raise FileFormatError(f"{path}: nnRawData{pattern} moves further than 1 km. Fetch the file again.")
     encoding = BoneDirections(thesis_skeleton(lengths * MILLIMETRE, pattern))

@@ -90,9 +90,7 @@ def _joint_of(column: str, unit: float | None, wrong: _Wrong) -> tuple[str, floa
     if joint and ending.lower() in ANGLE_UNITS:
         return joint, ANGLE_UNITS[ending.lower()]
     if unit is None:
-        raise wrong(
-            f"'{column}' does not say its unit. Call it {column}_deg or {column}_rad, or give --unit deg or --unit rad."
-        )
+        raise wrong(f"'{column}' has no unit. Call it {column}_deg or {column}_rad, or give --unit deg or --unit rad.")
     return column, unit
 
 

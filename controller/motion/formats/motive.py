@@ -90,9 +90,7 @@ def _head(path: str | Path, texts: list[str]) -> tuple[dict[str, str], list[str]
     above = [row for row in cells[1:at] if any(row)]
     axes = cells[at]
     if len(above) < 3 or any(len(row) > len(axes) for row in above):
-        raise FileFormatError(
-            f"{path} line {at + 1}: the rows Type, Name and Position above have other columns. Export it again."
-        )
+        raise FileFormatError(f"{path} line {at + 1}: rows Type, Name, Position have other columns. Export it again.")
     kinds, names, measures = (row + [""] * (len(axes) - len(row)) for row in (above[0], above[1], above[-1]))
     return about, kinds, names, measures, axes, at + 1
 
@@ -119,17 +117,13 @@ def _skeleton(
         above = (last.get((on, side)) for on in _HANGS_ON[part.part] for side in (part.side, "middle"))
         parent = next((joint for joint in above if joint is not None), -1)
         if parent < 0 and (joints or part.part != "pelvis"):
-            raise FileFormatError(
-                f"{path}: bone '{shortened(name)}' hangs on none that is known. Export the take as .bvh."
-            )
+            raise FileFormatError(f"{path}: bone '{shortened(name)}' has no known parent. Export the take as .bvh.")
         last[part.part, part.side] = len(joints)
         place = _seen(table, columns.get(("Bone", name, "Position"), []), 3, path)
         turn = _seen(table, columns["Bone", name, "Rotation"], 4, path)
         joints.append((name.rpartition(":")[2], parent, place, normalise(turn[:, [3, 0, 1, 2]])))
     if len(joints) * len(table) > MOST_POSES or len(joints) < 2:
-        raise FileFormatError(
-            f"{path}: {len(table)} frames of {len(joints)} bones cannot be read. Export a part of it."
-        )
+        raise FileFormatError(f"{path}: {len(table)} frames of {len(joints)} bones cannot be read. Export a part.")
     labels, parents, position, rotation = zip(*joints, strict=True)
     turns = np.ones(len(joints), dtype=np.bool_)
     return JointTree(labels, np.array(parents), np.stack(position, axis=1), np.stack(rotation, axis=1), turns)

@@ -32,9 +32,7 @@ def read_mvnx(path: str | Path, options: ReadingOptions = AS_FOUND) -> Clip:
     except ValueError:
         rate = 0.0
     if not 0.1 <= rate <= 1e5:
-        raise FileFormatError(
-            f"{path}: a frame rate of '{shortened(contents.rate or '')}' is not possible. Export it again."
-        )
+        raise FileFormatError(f"{path}: '{shortened(contents.rate or '')}' is no frame rate. Export it again.")
     if not contents.orientation:
         raise FileFormatError(f"{path}: there are no frames with orientations in it. Export them too.")
     if len(contents.position) != len(contents.orientation):

@@ -70,9 +70,7 @@ def numbers(
 
 def _numbers_of(line: Line, count: int, largest: float) -> list[float]:
     if len(line.words) != count:
-        raise line.error(
-            f"{len(line.words)} values, but the first line names {count}. (Decimals are written with a dot.)"
-        )
+        raise line.error(f"{len(line.words)} values, but the first line names {count}. (Decimals have a dot.)")
     numbers: list[float] = []
     for column, word in enumerate(line.words):
         value = math.nan if not word.strip() else as_float(word)
@@ -89,9 +87,7 @@ def even_times(time: Array, position: Array, lines: list[Line]) -> tuple[float, 
     steps = np.diff(time, prepend=time[0] - 1.0)  # one for the first frame too, which comes after anything
     back = next(iter(np.flatnonzero(~(steps > 0.0))), None)
     if back is not None:
-        raise lines[back].error(
-            f"the time {time[back]:g} does not come after {time[back - 1]:g}. Put the frames in order."
-        )
+        raise lines[back].error(f"the time {time[back]:g} does not come after {time[back - 1]:g}. Put frames in order.")
     steps = steps[1:]
     usual = float(np.median(steps))
     if usual > LONGEST_GAP:
@@ -100,9 +96,7 @@ def even_times(time: Array, position: Array, lines: list[Line]) -> tuple[float, 
         )
     widest = int(np.argmax(steps))
     if steps[widest] > LONGEST_GAP:
-        raise lines[widest + 1].error(
-            f"no frames from {time[widest]:g} to {time[widest + 1]:g} s. Cut the recording there."
-        )
+        raise lines[widest + 1].error(f"no frames from {time[widest]:g} to {time[widest + 1]:g} s. Cut it there.")
     if np.ptp(steps) < 0.1 * steps.mean() + 2e-6:
         rate = len(steps) / float(time[-1] - time[0])
         return (round(rate, 2) if abs(rate - round(rate, 2)) < 1e-4 * rate else rate), position

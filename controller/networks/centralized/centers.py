@@ -171,9 +171,7 @@ def control_for(spring: Spring, frequency: float, momentum: float = 1.0) -> floa
     least = spring.least_control(momentum)
     low = least * (1.0 + 1e-12) if least > 0.0 else 1e-12
     if excess(low) > 0.0:
-        raise FrequencyError(
-            f"a center with p0 = {momentum:g} cannot swing as slowly as {frequency:g} rad/s. Choose a smaller p0."
-        )
+        raise FrequencyError(f"p0 = {momentum:g} cannot swing as slowly as {frequency:g} rad/s: choose a smaller p0.")
     high = 2.0 * max(low, 1e-6)
     while excess(high) < 0.0:
         high *= 2.0

@@ -54,9 +54,7 @@ class CentralizedMotion:
     def __post_init__(self) -> None:
         n, m = len(self.frequency), len(self.satellites)
         if self.phase.shape != (n,) or self.satellites.places.shape[1] != 2 * n:
-            raise MotiondeckError(
-                f"{n} centers do not fit satellites at places of shape {self.satellites.places.shape}"
-            )
+            raise MotiondeckError(f"{n} centers fit no satellites at places of shape {self.satellites.places.shape}")
         if self.matrix.shape != (len(self.rest), m):
             raise MotiondeckError(f"{m} satellites and {len(self.rest)} channels do not fit W of {self.matrix.shape}")
         require_frequencies(self.frequency)

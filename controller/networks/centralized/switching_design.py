@@ -143,19 +143,15 @@ def design_module(motions: int, beta: float = 0.5, slope: float = 24.0, kappa: f
         )
     for name, value, low, high in (("beta", beta, 0.0, 1.0), ("slope", slope, 5.9, 48.1), ("kappa", kappa, 0.0, 1e3)):
         if not low < value < high:
-            raise SwitchingModuleError(
-                f"a switching module with {name} = {value}; it lies between {low:g} and {high:g}"
-            )
+            raise SwitchingModuleError(f"a switching module with {name} = {value}; give {low:g} to {high:g}")
     targets = np.arange(1.0, motions + 0.5) - 0.5 + beta
     thresholds = slope * (targets + 0.5)
     decay = 1.0 / (motions + 1.0 + beta)
     steps = logistic(slope * targets[:, None] - thresholds)
     equations = np.column_stack([steps[:, :-1], -np.ones(motions)])
-    solution = np.linalg.solve(
-        equations, np.log(decay * targets / (1.0 - decay * targets)) - LAST_WEIGHT * steps[:, -1]
-    )
-    weights = np.append(solution[:-1], LAST_WEIGHT)
-    design = ModuleDesign(weights, slope, thresholds, float(solution[-1]), decay, kappa, beta, targets)
+    solved = np.linalg.solve(equations, np.log(decay * targets / (1.0 - decay * targets)) - LAST_WEIGHT * steps[:, -1])
+    weights = np.append(solved[:-1], LAST_WEIGHT)
+    design = ModuleDesign(weights, slope, thresholds, float(solved[-1]), decay, kappa, beta, targets)
     _check(design)
     return design
 

@@ -75,9 +75,7 @@ def parse_command(words: Sequence[str]) -> DeckCommand:
     if len(words) == 1:
         return checked(Switch(words[0]))
     hint = did_you_mean(words[0], BY_WORD) if words else ""
-    raise CommandError(
-        f"'{shortened(' '.join(words))}' is not a command.{hint} `motiondeck send help` lists the commands."
-    )
+    raise CommandError(f"'{shortened(' '.join(words))}' is not a command.{hint} `motiondeck send help` lists them.")
 
 
 def _values(row: CommandRow, words: Sequence[str]) -> dict[str, Any]:

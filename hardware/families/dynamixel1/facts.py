@@ -30,9 +30,7 @@ _STEPS = 1228  # to a turn: 1023 of them are 300 degrees
 
 # What a model has otherwise than its series.
 _EXCEPTIONS: dict[str, dict[str, int]] = {
-    "AX-12W": {
-        f"{way}_compliance_{what}": value for way in ("cw", "ccw") for what, value in (("margin", 4), ("slope", 64))
-    },
+    "AX-12W": {f"{way}_compliance_{what}": n for way in ("cw", "ccw") for what, n in (("margin", 4), ("slope", 64))},
     "AX-18A": {"max_torque": 983, "torque_limit": 983},
     "MX-64(1.0)": {"max_voltage_limit": 240},
 }

@@ -100,25 +100,23 @@ def fast_reply(received: bytes, ids: Sequence[int], lengths: Sequence[int]) -> G
     start = fast_reply_start(received)
     turn = 0
     if start >= 0:
-        piece = start + _FAST_HEAD
-        crc = checksum(received[start:piece])
-        while turn < len(ids) and piece + (size := lengths[turn] + 4) <= len(received):
-            tail = received[piece + size - 2 : piece + size]
+        at = start + _FAST_HEAD
+        crc = checksum(received[start:at])
+        while turn < len(ids) and at + (size := lengths[turn] + 4) <= len(received):
+            tail = received[at + size - 2 : at + size]
             sent = int.from_bytes(tail, "little")
-            error, id = received[piece], received[piece + 1]
-            if checksum(received[piece : piece + size - 2], crc) != sent:
+            error, id = received[at], received[at + 1]
+            if checksum(received[at : at + size - 2], crc) != sent:
                 corrupt.append(ids[turn])
             elif id in ids[turn:]:
                 while ids[turn] != id:
                     silent.append(ids[turn])
                     turn += 1
-                statuses[id] = StatusPacket(
-                    id, error & ~ALERT, bool(error & ALERT), received[piece + 2 : piece + size - 2]
-                )
+                statuses[id] = StatusPacket(id, error & ~ALERT, bool(error & ALERT), received[at + 2 : at + size - 2])
             else:
                 break
             crc = checksum(tail, sent)
-            piece += size
+            at += size
             turn += 1
     return GroupReply(statuses, corrupt, silent + list(ids[turn : turn + 1]), list(ids[turn + 1 :]))
 

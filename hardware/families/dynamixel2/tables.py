@@ -28,9 +28,7 @@ def _p_series_table(model: str, traits: Traits) -> ControlTable:
     # PRO(A) is the older series, with the same limits and without the newest registers. Both count positions from half
     # a turn below 0 to half a turn above, and refuse a profile beyond their velocity or acceleration limit. The pages
     # of PRO(A) tell no gains; those are left as they are. The indirect addresses are in EEPROM.
-    number, current, velocity, half_turn, ends, most_acceleration, acceleration, shutdown, threshold, *gains = (
-        traits.figures
-    )
+    number, current, velocity, half_turn, ends, quickest, acceleration, shutdown, threshold, *gains = traits.figures
     table = parse_table(model, number, 2 * half_turn, _P_LAYOUT, traits.series)
 
     def limit(name: str, minimum: int, maximum: int, default: int | None) -> None:
@@ -39,7 +37,7 @@ def _p_series_table(model: str, traits: Traits) -> ControlTable:
     limit("model_number", 0, 65535, number)
     limit("moving_threshold", 0, velocity, threshold)
     limit("current_limit", 0, current, current)
-    limit("acceleration_limit", 0, most_acceleration, acceleration)
+    limit("acceleration_limit", 0, quickest, acceleration)
     limit("velocity_limit", 0, velocity, velocity)
     limit("max_position_limit", -half_turn, half_turn, ends)
     limit("min_position_limit", -half_turn, half_turn, -ends)
@@ -47,7 +45,7 @@ def _p_series_table(model: str, traits: Traits) -> ControlTable:
     limit("goal_current", -current, current, current)
     limit("present_current", -current, current, None)
     limit("goal_velocity", -velocity, velocity, 0)
-    limit("profile_acceleration", 0, most_acceleration, 0)
+    limit("profile_acceleration", 0, quickest, 0)
     limit("profile_velocity", 0, velocity, 0)
     for name, gain in zip(_GAINS, gains, strict=False):
         table.registers[name] = replace(table[name], default=gain)

@@ -14,9 +14,7 @@ from hardware.families.table import parse_table
 _STS = Series(
     "STS",
     FAMILY,
-    baud_rates=MappingProxyType(
-        dict(enumerate((1_000_000, 500_000, 250_000, 128_000, 115_200, 76_800, 57_600, 38_400)))
-    ),
+    baud_rates=MappingProxyType(dict(enumerate((1_000_000, 500_000, 250_000, 128_000, 115200, 76800, 57600, 38400)))),
     problems=MappingProxyType({VOLTAGE: 1, ENCODER: 2, HEAT: 4, OVERLOAD: 8 | 32}),
     reboots=False,
     modes=(3,),

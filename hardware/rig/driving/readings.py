@@ -258,9 +258,7 @@ class Readings:
     def _plan(self, line: tuple[int, ...], wide: frozenset[int]) -> Request:
         """The cached request to a line of joints, those in `wide` for everything."""
         states = tuple(self._everything[index] if index in wide else self._blocks[index] for index in line)
-        blocks = tuple(
-            (self._ids[index], block.address, block.length) for index, block in zip(line, states, strict=True)
-        )
+        blocks = tuple((self._ids[i], block.address, block.length) for i, block in zip(line, states, strict=True))
         layout = states[0].layout if len({block.layout for block in states}) == 1 else None
         joints = np.array(line)
         places = self._all if line == self._line_of_all else joints

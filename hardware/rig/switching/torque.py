@@ -170,10 +170,8 @@ def _await_partners(config: RigConfig, bus: Bus, believed: Array, lost: list[int
 def _oppose(pair: RigConfig, bus: Bus) -> bool:
     """Whether the two servos of a joint work against each other, by their currents."""
     counts = np.array([read_register(joint, bus, force_of(joint.table)) for joint in pair.joints])
-    currents = counts * RigScale(pair).amperes
-    return bool(
-        currents.prod() < 0.0 and np.abs(currents).min() > _OPPOSED * TRAITS[pair.joints[0].model].stall_current
-    )
+    amperes = counts * RigScale(pair).amperes
+    return bool(amperes.prod() < 0.0 and np.abs(amperes).min() > _OPPOSED * TRAITS[pair.joints[0].model].stall_current)
 
 
 def switch_off(config: RigConfig, bus: Bus) -> list[str]:
@@ -266,9 +264,7 @@ def _keep_goals_near(config: RigConfig, bus: Bus, zeros: Array) -> Array:
 
 def _is_set(joint: RigJoint, bus: Bus, low: int, high: int) -> bool:
     wanted = {"torque_enable": 1} | driving_settings(joint, low, high)
-    return all(
-        read_register(joint, bus, name) == value for name, value in wanted.items() if name in joint.table.registers
-    )
+    return all(read_register(joint, bus, name) == v for name, v in wanted.items() if name in joint.table.registers)
 
 
 def speed_counts(joint: RigJoint, pace: float) -> int:
@@ -307,9 +303,7 @@ def _refuse_outside(config: RigConfig, positions: Array) -> None:
 def _refuse_other_turns(config: RigConfig, positions: Array, believed: Array) -> None:
     """Raises a RigError if a servo has restarted since its zero was found, and counts turns otherwise."""
     joints = enumerate(zip(config.joints, np.abs(positions - way(believed)[0]).tolist(), strict=True))
-    turns = {
-        index: away * abs(joint.pulses_per_radian) / joint.table.pulses_per_turn for index, (joint, away) in joints
-    }
+    turns = {i: away * abs(joint.pulses_per_radian) / joint.table.pulses_per_turn for i, (joint, away) in joints}
     restarted = [index for index in config.through_turns if turns[index] > 0.5]
     if restarted:
         raise RigError(f"{list_joints(config.only(restarted).joints)} has restarted while it was set up. Try again.")

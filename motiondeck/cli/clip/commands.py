@@ -67,15 +67,11 @@ def convert(
     file: FileArgument,
     out: Annotated[
         Path,
-        Argument(
-            metavar="OUT", help="OUT.bvh, OUT.csv for positions, with --fill OUT.c3d; of joints OUT.clip, .csv or .npz."
-        ),
+        Argument(metavar="OUT", help="OUT.bvh, .csv for positions, .c3d with --fill; joints OUT.clip, .csv or .npz."),
     ],
     reading: Reading,
     begin: Annotated[float, Option("--from", metavar="SECONDS", help="Where the piece to write begins.")] = 0.0,
-    end: Annotated[
-        float | None, Option("--to", metavar="SECONDS", help="Where it ends; default: with the recording.")
-    ] = None,
+    end: Annotated[float | None, Option("--to", metavar="SECONDS", help="Where it ends; default: at the end.")] = None,
     mirror: Annotated[
         bool, Option("--mirror", help="Exchange left and right: on the canonical body, or of joints by --skeleton RIG.")
     ] = False,

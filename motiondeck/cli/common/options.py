@@ -27,9 +27,7 @@ SizeOption = Annotated[
     str | None, of_film(metavar="WIDTHxHEIGHT", help="Size of the film in pixels; default: 1920x1080, gif 400x300.")
 ]
 FpsOption = Annotated[float | None, of_film(metavar="FPS", help="Frames per second of the film; default: 30, gif 20.")]
-CameraOption = Annotated[
-    Literal["follow", "front", "side", "three"], of_film(help="Camera of the film; three: all side by side.")
-]
+CameraOption = Annotated[Literal["follow", "front", "side", "three"], of_film(help="Camera; three: all side by side.")]
 SolverOption = Annotated[
     Literal["angles", "ik"] | None,
     _of_simulation(help="How to carry motions onto the robot; without it, as its file says."),
@@ -48,9 +46,7 @@ RootOption = Annotated[
 JsonOption = Annotated[bool, Option("--json", help="Print one JSON object instead of a table.")]
 PagePortOption = Annotated[int, Option(metavar="PORT", help="The page's port; 0 for any free one.")]
 
-GroundOption = Annotated[
-    str, Option(metavar="METRES", help="Height of the file's floor; auto: where feet stand; none: leave it.")
-]
+GroundOption = Annotated[str, Option(metavar="METRES", help="The floor's height; auto: by the feet; none: leave it.")]
 SkeletonOption = Annotated[
     Path | None,
     Option(metavar="FILE", help="The .asf of an .amc, the body model of an .npz; or one of several people in a file."),

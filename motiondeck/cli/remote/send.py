@@ -40,9 +40,7 @@ def send(
             help=f"One of: {', '.join(command.word for command in COMMANDS)}; `motiondeck send help` explains them.",
         ),
     ],
-    wait: Annotated[
-        bool, Option("--wait", help="Wait until a switch, a queued motion or a blend has settled.")
-    ] = False,
+    wait: Annotated[bool, Option("--wait", help="Wait until a switch, queued motion or blend has settled.")] = False,
     command_port: CommandPort = DEFAULT_PORT,
     host: Host = None,
     token_file: TokenFile = None,
@@ -137,9 +135,7 @@ def events(
             if reply is not None:
                 heard = time.monotonic()
             elif time.monotonic() > heard + 2.0 * every + 1.0:
-                raise MotiondeckError(
-                    "the deck does not reply any more. Is it still running? See: motiondeck send status"
-                )
+                raise MotiondeckError("the deck replies no more. Is it still running? See: motiondeck send status")
             if isinstance(reply, Event):
                 if last and reply.number > last + 1:
                     print(f"{reply.number - last - 1} events were lost on the way", file=sys.stderr)

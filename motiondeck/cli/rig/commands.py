@@ -95,9 +95,7 @@ def doctor(
 def monitor(
     rig: RigArgument,
     port: PortOption = None,
-    seconds: Annotated[
-        float, Option(metavar="SECONDS", help="Stop after this many seconds; 0 runs until Ctrl-C.")
-    ] = 0.0,
+    seconds: Annotated[float, Option(metavar="SECONDS", help="Stop after so many seconds; 0 runs until Ctrl-C.")] = 0.0,
     as_json: Annotated[bool, Option("--json", help="Print one JSON object a second.")] = False,
 ) -> None:
     """Watch position, load, temperature and errors of every servo.
@@ -148,9 +146,7 @@ def stop(rig: RigArgument, port: PortOption = None, as_json: JsonOption = False)
             print(f"motiondeck: {error}", file=sys.stderr)
             unconfirmed += part.servos.names
             if "another program" in str(error):
-                remedy = (
-                    "If a rig is playing there: Ctrl-C, `motiondeck send estop` or `send stop`; else cut the power."
-                )
+                remedy = "If a rig plays there: Ctrl-C, `motiondeck send estop` or `send stop`; else cut the power."
     names = config.servos.names
     if as_json:
         print(json.dumps({"off": [name for name in names if name not in unconfirmed], "unconfirmed": unconfirmed}))

@@ -22,12 +22,8 @@ if TYPE_CHECKING:
 
 def emulate(
     rig: RigArgument,
-    fault: Annotated[
-        list[str] | None, Option(metavar="FAULT", help="KIND[:key=value,...]; `--fault help` lists them.")
-    ] = None,
-    link: Annotated[
-        Path | None, Option(metavar="FILE", help="A link to the port; it stays when the adapter is replugged.")
-    ] = None,
+    fault: Annotated[list[str] | None, Option(metavar="FAULT", help="KIND[:key=value,...]; `help` lists them.")] = None,
+    link: Annotated[Path | None, Option(metavar="FILE", help="A link to the port that outlives replugging.")] = None,
     robot: Annotated[
         str | None, Option(metavar="ROBOT", help="The body that the servos turn: a robot file, or a shipped one.")
     ] = None,

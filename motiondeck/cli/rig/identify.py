@@ -52,9 +52,7 @@ def identify(
 
     config, source = load(rig), Path(find_rig(rig))
     if not dry_run and out is None and not Path(rig).is_file():
-        raise MotiondeckError(
-            f"{rig} is a shipped rig, which stays as it is: name a file with --out, or give --dry-run"
-        )
+        raise MotiondeckError(f"{rig} is a shipped rig, which stays as it is: give a file with --out, or --dry-run")
     for name in joint or ():
         if name not in config.names:
             raise UnknownNameError.among("joint of this rig", name, config.names)

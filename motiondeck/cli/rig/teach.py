@@ -34,9 +34,7 @@ _CHOICES = "Enter saves it. Or: again, take (save it and record another take), w
 
 def teach(
     rig: RigArgument,
-    out: Annotated[
-        Path, Option(metavar="FILE|DIR", help="The clip (.clip), a folder for several motions, or keyframes (.toml).")
-    ],
+    out: Annotated[Path, Option(metavar="FILE|DIR", help="A .clip, a folder for several, or keyframes (.toml).")],
     port: PortOption = None,
     seconds: Annotated[
         float | None, Option(metavar="SECONDS", help="Begin at once and record for this long, without asking.")
@@ -258,9 +256,7 @@ class _Session:
         from hardware.tools.teaching import beyond_limits
 
         rate = self.config.rate_hz
-        doubts = [
-            f"{line}; played, it will be held back" for line in beyond_limits(self.config, recording.angles, rate)
-        ]
+        doubts = [f"{one}; played, it will be held back" for one in beyond_limits(self.config, recording.angles, rate)]
         written = [Path(str(one["written"])) for one in self.written]
         takes = [one for one in written if motion_of(one) == motion_of(file) and one != file]
         if takes:

@@ -110,9 +110,7 @@ def off_reach(found: Calibration) -> dict[str, float]:
     for name in tried[0][0]:
         side, _, limb = name.partition("_")
         ways = np.concatenate([reaches[name] for reaches, _ in tried])
-        human = np.concatenate(
-            [limbs[:, [LIMBS.index(f"{side}_{one}") for one in SEGMENTS[limb]]] for _, limbs in tried]
-        )
+        human = np.concatenate([limbs[:, [LIMBS.index(f"{side}_{s}") for s in SEGMENTS[limb]]] for _, limbs in tried])
         lengths = nnls(human.transpose(0, 2, 1).reshape(-1, 2), ways.ravel())[0]
         missed = np.linalg.norm(ways - np.einsum("p,tpi->ti", lengths, human), axis=1)
         off[limb].append(float(missed.mean() / np.linalg.norm(ways, axis=1).mean()))
@@ -207,9 +205,7 @@ def print_report(found: Calibration, file: Path, trial: CalibrationTrial) -> Non
         print(f"{have} no range in the model: half a turn either way is a guess; edit it")
     unknown = len(found.joints) - len(found.speeds)
     if unknown:
-        print(
-            f"the model does not say how fast {counted(unknown, 'joint')} may turn: the robot file has a guess; edit it"
-        )
+        print(f"the model does not say how fast {counted(unknown, 'joint')} may turn: the robot file guesses; edit it")
     if found.unplayed:
         names = ", ".join(name or "a joint without a name" for name in found.unplayed)
         print(f"not played, because only hinges and ball joints with actuators are: {names}")
@@ -220,9 +216,7 @@ def print_report(found: Calibration, file: Path, trial: CalibrationTrial) -> Non
             f"closed chains of bodies ({counted(found.open_chains, 'connect or weld constraint')}) hold in physics "
             "(`play` without --kinematic), and are drawn open elsewhere"
         )
-    print(
-        "solvers: ik, angles" if found.angles else "solvers: ik (its joints are others than those of the angle solver)"
-    )
+    print("solvers: ik, angles" if found.angles else "solvers: ik (its joints are not those of the angle solver)")
 
 
 def _line(file: Path, part: str) -> int:

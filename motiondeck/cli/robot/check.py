@@ -75,9 +75,7 @@ def remarks(rows: Sequence[dict[str, Any]]) -> list[str]:
     for row in rows:
         clip = row["clip"]
         if "verdict" not in row:
-            found.append(
-                f"{'not read' if 'unread' in row else 'failed'}: {clip}: {row.get('unread', row.get('error'))}"
-            )
+            found.append(f"{'not read' if 'unread' in row else 'failed'}: {clip}: {row.get('unread') or row['error']}")
             continue
         if row["left_out"]:
             found.append(f"a pose before the motion is left out: {clip}, frames: {row['left_out']}")

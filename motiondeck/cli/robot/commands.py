@@ -21,9 +21,7 @@ if TYPE_CHECKING:
 
 app = typer.Typer(help="List, show, calibrate and check robots.", no_args_is_help=True)
 
-RobotArgument = Annotated[
-    str, Argument(metavar="ROBOT", help="A robot file (.toml), or a name of `robot list --catalogue`.")
-]
+RobotArgument = Annotated[str, Argument(metavar="ROBOT", help="A robot file, or a name of `robot list --catalogue`.")]
 
 CATALOGUE_KINDS = ("humanoid", "biped")
 PICTURE_SECONDS, VIEW_SECONDS = 2.0, 8.0
@@ -31,9 +29,7 @@ PICTURE_SECONDS, VIEW_SECONDS = 2.0, 8.0
 
 @app.command("list")
 def list_robots(
-    catalogue: Annotated[
-        bool, Option("--catalogue", help="Also list the two-legged robots of MuJoCo Menagerie.")
-    ] = False,
+    catalogue: Annotated[bool, Option("--catalogue", help="Also list two-legged robots of MuJoCo Menagerie.")] = False,
     as_json: JsonOption = False,
 ) -> None:
     """List the included robots, and those to download.
@@ -177,9 +173,7 @@ def calibrate(
 @app.command("tune-walk")
 def tune_walk(
     robot: RobotArgument,
-    motion: Annotated[
-        list[str] | None, Option(metavar="MOTION", help="A motion to walk; repeatable. Default: walk.")
-    ] = None,
+    motion: Annotated[list[str] | None, Option(metavar="MOTION", help="A motion; repeatable. Default: walk.")] = None,
     library: Annotated[str, Option(metavar="LIBRARY", help="The library of the motions.")] = "thesis15",
     seconds: Annotated[float, Option(metavar="SECONDS", help="Length of each trial, s.")] = 60.0,
     rounds: Annotated[int, Option(metavar="N", min=0, help="Number of settings to try.")] = 40,

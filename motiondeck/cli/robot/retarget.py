@@ -31,9 +31,7 @@ def retarget(
     robot: Annotated[str, Option(metavar="ROBOT", help="A robot file (.toml) or a name (`robot list`).")],
     out: Annotated[Path, Option(metavar="DIR", help="The folder for the files; created if missing.")],
     format: Annotated[Literal["npz", "csv", "mjlab", "qpos"], Option(help="The files' format.")] = "npz",
-    physical: Annotated[
-        bool, Option("--physical", help="As the simulated robot does it on its own feet; takes minutes.")
-    ] = False,
+    physical: Annotated[bool, Option("--physical", help="As a simulated robot on its feet; takes minutes.")] = False,
     solver: SolverOption = None,
     jobs: JobsOption = "-1",
     as_json: JsonOption = False,

@@ -73,9 +73,7 @@ def _walk(file: Path, library: str, course: Course, impulse: float, seed: int, s
 
 def report_text(report: dict[str, Any]) -> str:
     """The report as lines of text."""
-    walked = ", ".join(
-        f"{motion} {metres:.1f} m" for motion, metres in zip(report["motions"], report["walked_m"], strict=True)
-    )
+    walked = ", ".join(f"{name} {far:.1f} m" for name, far in zip(report["motions"], report["walked_m"], strict=True))
     ends = "stood" if report["stood"] else "fell"
     pushes = f"pushes of {report['push_ns']:.2g} N s every 5 s that it was not tuned under"
     lines = [f"{report['robot']} {ends} under {pushes}; in {report['seconds']:g} s it went: {walked}"]

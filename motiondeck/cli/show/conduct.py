@@ -49,12 +49,8 @@ def conduct(
             help="The conductor's folder of `motiondeck fleet certificates`, for decks on other machines.",
         ),
     ] = None,
-    begin_at: Annotated[
-        str | None, Option("--from", metavar="CUE", help="Begin at this cue, by its name or number.")
-    ] = None,
-    stop: Annotated[
-        bool, Option("--stop", help="Emergency stop of all decks, beside a running conductor or without one.")
-    ] = False,
+    begin_at: Annotated[str | None, Option("--from", metavar="CUE", help="Begin at this cue (name or number).")] = None,
+    stop: Annotated[bool, Option("--stop", help="Emergency stop of all decks, with or without a conductor.")] = False,
     page_port: Annotated[
         int, Option("--port", metavar="PORT", help="The page's port on 127.0.0.1; 0 for any free one.")
     ] = SHOW_PAGE_PORT,
@@ -110,9 +106,7 @@ def _member(show: str, file: Path, certificates: Path | None, *, listens: bool) 
         return on_this_machine(show, CONDUCTOR if listens else f"stop-{os.getpid()}", listens=listens)
     member = with_certificates(certificates, listens=listens)
     if member.show != show:
-        raise FileFormatError(
-            f"{file}: show = '{show}', but the certificates in {certificates} are for '{member.show}'"
-        )
+        raise FileFormatError(f"{file}: show = '{show}', but certificates in {certificates} are for '{member.show}'")
     if member.name != CONDUCTOR:
         raise MotiondeckError(f"{certificates}: these are the certificates of '{member.name}', not of the conductor")
     return member

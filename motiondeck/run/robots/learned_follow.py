@@ -81,9 +81,7 @@ def save(file: Path, digest: str, tables: dict[Key, Array]) -> None:
     """Keeps the tables in which anything was learned; raises a MotiondeckError if the file cannot be written."""
     from safetensors.numpy import save
 
-    learned = {
-        f"{tempo} {motion}": table.astype(np.float32) for (motion, tempo), table in tables.items() if table.any()
-    }
+    learned = {f"{tempo} {motion}": own.astype(np.float32) for (motion, tempo), own in tables.items() if own.any()}
     if learned:
         file.parent.mkdir(parents=True, exist_ok=True)
         write_file(file, save(learned, {_DIGEST: digest}))

@@ -200,9 +200,7 @@ def open_rig(
     config = load_rig(file)
     every = rate / config.rate_hz
     if every < 1.0 or abs(every - round(every)) > 1e-6:
-        raise MotiondeckError(
-            f"{file}: rate_hz = {config.rate_hz:g} does not divide the loop's {rate:g} Hz; give another --rate"
-        )
+        raise MotiondeckError(f"{file}: rate_hz = {config.rate_hz:g} does not divide --rate {rate:g}; give another")
     limits = narrowed(robot.limits, robot, config)
     check_joints(config.names, robot.joints)
     places = [robot.joints.index(name) for name in config.names]

@@ -95,9 +95,7 @@ def parse_script(text: str, motions: Iterable[str]) -> tuple[str, list[Timed], f
                 "in .toml (docs/deck.md, Timeline files)"
             )
         if not 1 <= len(words) <= 2:
-            raise MotiondeckError(
-                f"script, part {place}: '{' '.join(words)}' is not a motion and its seconds, as in 'walk 4'"
-            )
+            raise MotiondeckError(f"script, part {place}: '{' '.join(words)}' is not MOTION SECONDS, as in 'walk 4'")
         if words[0] not in known:
             raise UnknownNameError(f"script, part {place}: {UnknownNameError.among('motion', words[0], known)}")
         if len(words) == 1 and not last:

@@ -104,25 +104,17 @@ class RunSpec:
     )
     record: File | None = option(None, "Record every tick, for `replay` and `plot`.", "FILE", _LOOP)
     rate: float = option(200.0, "Ticks of the loop per second.", "HZ", _LOOP)
-    lower_rate: bool = option(
-        False, "If the network is too large for --rate, play at a rate that it holds.", None, _LOOP
-    )
+    lower_rate: bool = option(False, "If a network is too large for --rate, play at a rate that it holds.", None, _LOOP)
     physics: bool = option(
         True, "Show the targets, without simulated servos and masses.", panel=_SIMULATION, off=True, flag="--kinematic"
     )
     root: Literal["gantry", "fixed", "free"] = option(
         "gantry", "The simulated robot's root: carried by a gantry, fixed, or free to fall.", panel=_SIMULATION
     )
-    balance: bool = option(
-        False, "Keep a free robot's feet in place and its centre of mass above them.", panel=_SIMULATION
-    )
+    balance: bool = option(False, "Keep a free robot's feet still, its centre of mass above them.", panel=_SIMULATION)
     walk: bool = option(False, "Let a free robot walk where the motion goes, 1.2 s behind it.", panel=_SIMULATION)
-    realtime: bool = option(
-        False, "Ask for real-time scheduling and locked memory; with a real rig always.", panel=_LOOP
-    )
-    core: int | None = option(
-        None, "Run the loop on this core of the CPU, all other processes on the others.", "N", _LOOP
-    )
+    realtime: bool = option(False, "Ask for real-time scheduling, locked memory; with a real rig always.", panel=_LOOP)
+    core: int | None = option(None, "Run the loop on this core of the CPU, all else on the others.", "N", _LOOP)
     overruns: Literal["skip", "catch-up"] = option(
         "skip", "After a tick that took too long: skip the missed ticks, or catch up.", panel=_LOOP
     )
@@ -161,9 +153,7 @@ class RunSpec:
         "SHOW/DECK",
         _COMMANDS,
     )
-    stop_input: File | None = option(
-        None, "A wired emergency stop: a serial adapter, or /dev/input/eventN.", "DEVICE", _COMMANDS
-    )
+    stop_input: File | None = option(None, "A wired stop: a serial adapter, or /dev/input/eventN.", "DEVICE", _COMMANDS)
     lock_to: LockSource | None = option(
         None,
         "Lock loops to: beat (taps), body (wait while the joints are held), or another deck by its command port.",
@@ -173,9 +163,7 @@ class RunSpec:
     join: Literal["inertialise", "crossfade", "morph", "cut"] | None = option(
         None, "How motions are joined; default: what suits the network.", panel=_SWITCHING
     )
-    check_collisions: bool = option(
-        False, "Hold joints back where limbs of the robot would collide.", panel=_SIMULATION
-    )
+    check_collisions: bool = option(False, "Hold joints back where the robot's limbs would collide.", panel=_SIMULATION)
 
     @property
     def page_port(self) -> int | None:
@@ -215,9 +203,7 @@ class RunSpec:
         if self.follow_rig is not None and self.follow is None:
             raise MotiondeckError("--follow-rig needs --follow ROBOT: whose servos are they?")
         if self.listen is not None and self.token_file is None:
-            raise MotiondeckError(
-                f"--listen {self.listen} needs --token-file FILE: anybody could move the robot otherwise"
-            )
+            raise MotiondeckError(f"--listen {self.listen} needs --token-file FILE: else anybody could move the robot")
 
 
 def options() -> dict[str, Option]:

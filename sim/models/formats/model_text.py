@@ -134,9 +134,7 @@ def readable_urdf(path: Path, packages: Mapping[str, Path], visuals: bool = Fals
             return (folders[0] / inside).as_posix()
         if found is None:
             where = f"in {packages[name]}" if name in packages else f"beside or above {path.resolve().parent}"
-            raise FileFormatError(
-                f"{path}: {uri[0]} is not {where}. Say where the package is with --package {name}=FOLDER."
-            )
+            raise FileFormatError(f"{path}: {uri[0]} is not {where}. Say where it is with --package {name}=FOLDER.")
         return found.resolve().as_posix()
 
     def in_folder(name: re.Match[str]) -> str:

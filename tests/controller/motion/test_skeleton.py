@@ -83,7 +83,7 @@ def test_skeletons_can_be_compared_and_kept_in_sets():
         ({"rest_direction": np.full((9, 3), np.nan)}, "not finite"),
         ({"length": np.full(9, np.inf)}, "not finite"),
         ({"rest_direction": np.full((9, 3), 0.5)}, "no unit vector"),
-        ({"length": np.full(9, -1.0)}, "negative length"),
+        ({"length": np.full(9, -1.0)}, "a length is below 0"),
         ({"parent": np.array([-1, 2, 0, -1, 3, -1, 5, 5, 5])}, "'rleg' does not follow its parent"),
         ({"parent": np.array([0, 0, 1, -1, 3, -1, 5, 5, 5])}, "'rhip' does not follow its parent"),
         ({"parent": np.array([-2, 0, 1, -1, 3, -1, 5, 5, 5])}, "'rhip' does not follow its parent"),

@@ -62,20 +62,20 @@ def test_an_angle_becomes_pulses(written):
         ),
         (
             ("velocity = 4", "velocity = 0.02"),
-            "velocity is 0.02 rad/s; the least that model 'XM430-W350' can keep is 0.024",
+            "velocity is 0.02 rad/s; the least that 'XM430-W350' can keep is 0.024",
         ),
         (
             ("velocity = 4", "velocity = 4, acceleration = 0.1"),
-            "acceleration is 0.1 rad/s^2; the least that model 'XM430-W350' can keep is 0.375",
+            "acceleration is 0.1 rad/s^2; the least that 'XM430-W350' can keep is 0.375",
         ),
         (
             ("velocity = 4", "velocity = 4, current = 0.002"),
-            "current is 0.002 A; the least that model 'XM430-W350' can keep is 0.00269",
+            "current is 0.002 A; the least that 'XM430-W350' can keep is 0.00269",
         ),
         (("lower = -1", "lower = 2"), "joints.1: lower is 2.0 rad and upper 1.0 rad; lower must be below"),
         (("upper = 1", "upper = nan"), "joints.1.upper is nan; it must be a finite number"),
         (("velocity = 4", "velocity = inf"), "joints.1.velocity is inf; it must be a finite number"),
-        (("upper = 1", "upper = 90"), "are beyond two turns of the joint. Limits are in radians"),
+        (("upper = 1", "upper = 90"), "are beyond two turns of the joint: give radians"),
         (
             ('"XM430-W350", direction = 1, zero = 2048', '"AX-12A", direction = 1, zero = 100'),
             "reach from -95 to 295 pulses, outside the servo's one turn (0 to 1023), and model 'AX-12A' counts no",

@@ -219,7 +219,7 @@ def test_asked_to_stop_it_brakes():
 
 def test_a_range_too_small_for_a_swing_is_refused():
     joint = RigJoint("a", 1, "XM430-W350", 1, 2048, -0.07, 0.07, 4.0)
-    with pytest.raises(RigError, match=r"a \(id 1\) cannot be identified: its range of 0.14 rad"):
+    with pytest.raises(RigError, match=r"a \(id 1\) cannot be identified: a range of 0.14 rad"):
         chirp_of(joint, 0.0)
 
 

@@ -98,7 +98,7 @@ def test_an_examination_names_every_trouble(rig_of_four, bus, port):
         "joint_3 (id 3) reports overload",
         "joint_4 (id 4) stands at 2.99 rad",
         "joint_4 (id 4) has 75 degC",
-        "the wire allows 521 Hz, the rig file wants 1000",
+        "the wire allows 521 Hz, the rig file has 1000",
     ):
         assert said in problems
 

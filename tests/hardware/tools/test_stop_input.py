@@ -67,7 +67,7 @@ def test_a_contact_connects_dtr_with_cts_while_all_is_well(monkeypatch):
 
 @pytest.mark.parametrize("device", ["/dev/input/event9999", "/dev/ttyNONE"])
 def test_a_device_that_is_not_there_is_named(device):
-    with pytest.raises(MotiondeckError, match=f"{device}: the stop cannot be read"):
+    with pytest.raises(MotiondeckError, match=f"{device}: cannot be read"):
         open_stop_input(Path(device))
 
 
@@ -92,7 +92,7 @@ def test_a_pseudo_terminal_has_no_contact_and_is_refused():
     """Linux gives a pty no DTR and CTS, so that a real contact is tested with a stand-in for pyserial alone."""
     ours, theirs = pty.openpty()
     device = os.ttyname(theirs)
-    with pytest.raises(MotiondeckError, match=f"{device}: the stop cannot be read"):
+    with pytest.raises(MotiondeckError, match=f"{device}: cannot be read"):
         open_stop_input(Path(device))
     os.close(theirs)
     os.close(ours)

@@ -84,7 +84,7 @@ def test_words_become_messages(line, message):
 @pytest.mark.parametrize(
     ("line", "said"),
     [
-        ("", "is not a command. `motiondeck send help` lists the commands."),
+        ("", "is not a command. `motiondeck send help` lists them."),
         ("tempoo 2 3", "'tempoo 2 3' is not a command. Did you mean tempo? `motiondeck send help`"),
         ("dance the waltz", "'dance the waltz' is not a command"),
         ("switch", "switch: give it as: switch MOTION [direct]"),

@@ -159,7 +159,7 @@ def test_motions_of_another_robot_or_format_are_not_mixed(folder, first):
 
 @pytest.mark.parametrize(
     ("what", "complaint"),
-    [("nothing", "no such file or folder"), ("empty", "no recording"), ("twice", "both be written to easy")],
+    [("nothing", "no such file or folder"), ("empty", "no recording"), ("twice", "both be easy")],
 )
 def test_paths_that_cannot_be_used_are_named(folder, tmp_path, what, complaint):
     (tmp_path / "empty").mkdir()
@@ -175,5 +175,5 @@ def test_a_manifest_of_something_else_is_named(folder, tmp_path):
     with pytest.raises(MotiondeckError, match=r"motions\.jsonl.*no manifest"):
         run(folder, tmp_path)
     (tmp_path / "file").write_text("")
-    with pytest.raises(MotiondeckError, match=r"cannot be used.*--out that you may write to"):
+    with pytest.raises(MotiondeckError, match=r"cannot be used.*another --out"):
         run(folder, tmp_path / "file" / "below")

@@ -135,9 +135,7 @@ def _units(lines: list[Line]) -> tuple[float, float]:
     if "angle" in fields:
         unit = "".join(fields["angle"].words[1:2]).lower()
         if unit not in ("deg", "rad"):
-            raise fields["angle"].error(
-                f"the angle unit '{shortened(unit)}' is unknown. Write 'angle deg' or 'angle rad'."
-            )
+            raise fields["angle"].error(f"unknown angle unit '{shortened(unit)}'. Write 'angle deg' or 'angle rad'.")
         angle_unit = 1.0 if unit == "rad" else angle_unit
     return length_unit, angle_unit
 
@@ -165,9 +163,7 @@ def _bones(path: str | Path, lines: list[Line]) -> dict[str, Fields]:
         else:
             block.append(line)
     if block is not None:
-        raise FileFormatError(
-            f"{path}: the last bone of :bonedata has no 'end'. The file is cut short: fetch it again."
-        )
+        raise FileFormatError(f"{path}: the last bone of :bonedata has no 'end'. The file is cut off: fetch it again.")
     if not 1 <= len(bones) <= MOST_BONES:
         raise FileFormatError(
             f"{path}: :bonedata holds {len(bones)} bones; 1 to {MOST_BONES} are possible. Give a complete ASF file."

@@ -30,7 +30,7 @@ def test_a_column_is_named_as_its_joint_and_its_unit(tmp_path):
 
 def test_other_columns_have_the_unit_of_the_options(tmp_path):
     (tmp_path / "swing.csv").write_text("# plays = loop\nt;pan;tilt\n0;0;1\n0,1;90;1\n")
-    with pytest.raises(FileFormatError, match=r"swing\.csv line 2: 'pan' does not say its unit. Call it pan_deg or"):
+    with pytest.raises(FileFormatError, match=r"swing\.csv line 2: 'pan' has no unit. Call it pan_deg or"):
         read_clip(tmp_path / "swing.csv")
     clip = read_clip(tmp_path / "swing.csv", ReadingOptions(unit=np.pi / 180))
     assert clip.plays == "loop"
@@ -64,7 +64,7 @@ def test_arrays_are_columns_too(tmp_path):
     with pytest.raises(FileFormatError, match=r"swing\.npz: one number a frame is needed of 'time' and of every joint"):
         read_clip(tmp_path / "swing.npz")
     np.savez(tmp_path / "swing.npz", time=time, jaw_deg=time, lid=time)
-    with pytest.raises(FileFormatError, match=r"swing\.npz: 'lid' does not say its unit"):
+    with pytest.raises(FileFormatError, match=r"swing\.npz: 'lid' has no unit"):
         read_clip(tmp_path / "swing.npz")
 
 

@@ -120,7 +120,7 @@ def test_a_table_with_uneven_times_is_evened_out(tmp_path, walk):
         (lambda text: text.replace("LeftArm.", "LeftLeg."), "no two joints alike"),
         (lambda text: text.splitlines()[0], "no frames in it"),
         (lambda text: text.replace(",", "|"), "line 1: expected 'time_s'"),
-        (lambda text: decimal_commas(text), r"line 2: .*\(Decimals are written with a dot"),
+        (lambda text: decimal_commas(text), r"line 2: .*\(Decimals have a dot"),
         (lambda text: text.replace(",0.", ",zero.", 1), "line 2: expected a number, found 'zero"),
         (lambda text: text.replace(",0.", ",nan0.", 1), "line 2: expected a number"),
         (lambda text: text[: text.rindex(",")], "values, but the first line names"),

@@ -173,5 +173,5 @@ def test_what_cannot_be_done_is_said_before_anything_moves(bench):
     result = invoked("rig", "identify", bench.file, "--joint", "plan")
     assert "unknown joint of this rig 'plan'" in str(result.exception)
     result = invoked("rig", "identify", "pan-tilt")
-    assert "name a file with --out, or give --dry-run" in str(result.exception)
+    assert "give a file with --out, or --dry-run" in str(result.exception)
     assert bench.port.sent == []

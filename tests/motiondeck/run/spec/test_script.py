@@ -31,7 +31,7 @@ def test_a_script_whose_last_part_has_seconds_has_an_end():
         ("walk -1", "part 1: '-1' is not"),
         ("walk nan, jog", "part 1: 'nan' is not"),
         ("walk 4,, jog", "part 2: '' is not a motion"),
-        ("walk 4 5, jog", "part 1: 'walk 4 5' is not a motion and its seconds"),
+        ("walk 4 5, jog", "part 1: 'walk 4 5' is not MOTION SECONDS"),
         ("", "part 1"),
         ("walk 4, blend walk jog 0.5", "part 2: 'blend' is no motion. Commands go into a timeline file"),
         ("show.txt", "part 1: 'show.txt' is no motion. .* whose name ends in .toml"),
