@@ -30,7 +30,7 @@ def test_a_script_whose_last_part_has_seconds_has_an_end():
         ("walk four, jog", "part 1: 'four' is not a number of seconds"),
         ("walk -1", "part 1: '-1' is not"),
         ("walk nan, jog", "part 1: 'nan' is not"),
-        ("walk 4,, jog", "part 2: '' is not a motion"),
+        ("walk 4,, jog", "part 2: '' is not MOTION SECONDS"),
         ("walk 4 5, jog", "part 1: 'walk 4 5' is not MOTION SECONDS"),
         ("", "part 1"),
         ("walk 4, blend walk jog 0.5", "part 2: 'blend' is no motion. Commands go into a timeline file"),
