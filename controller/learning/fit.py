@@ -188,7 +188,9 @@ def judge_against(library: MotionLibrary, path: Path, file: Path) -> list[Motion
 
 def _judge(library: MotionLibrary, path: Path, file: Path, recipe: LibraryRecipe, plan: MotionRecipe) -> MotionInfo:
     info = next(one for one in library.info.motions if one.name == plan.name)
-    clip = read_motion(Path(), _of_file(plan, file))
+    skeleton = find_skeleton(file, AS_FOUND)  # the file may lie elsewhere than when it was learned
+    plan = msgspec.structs.replace(plan, file=str(file.absolute()), skeleton=skeleton and str(skeleton.absolute()))
+    clip = read_motion(Path(), plan)
     if (known_part := info.against_recording) is not None:
         first, end = known_part.from_s, known_part.to_s
     else:
@@ -203,9 +205,3 @@ def _judge(library: MotionLibrary, path: Path, file: Path, recipe: LibraryRecipe
     motions = [msgspec.structs.replace(info, passed=not reason, reason=reason)]
     alone = MotionLibrary(msgspec.structs.replace(library.info, motions=motions), library.network, library.encoding)
     return judged(alone, {info.name: lambda: recorded}).info.motions[0]
-
-
-def _of_file(plan: MotionRecipe, file: Path) -> MotionRecipe:
-    """The recipe of a motion for a file that may lie elsewhere than when it was learned."""
-    skeleton = find_skeleton(file, AS_FOUND)
-    return msgspec.structs.replace(plan, file=str(file.absolute()), skeleton=skeleton and str(skeleton.absolute()))

@@ -140,7 +140,10 @@ def prepare(
         if motion.input:
             takes = [clip, *(read_clip(find_recording(data, take)) for take in motion.takes)]
             alike = [carried(resampled(take, rate), encoding.skeleton) for take in takes]
-            variants = _of_one_person(motion, aligned_cycles(encoding, alike, motion.values, rate))
+            variants = aligned_cycles(encoding, alike, motion.values, rate)
+            if motion.people:  # each value as done by the first of them
+                values = list(dict.fromkeys(one.value for one in variants))
+                variants = person_variants(motion.people[0], variants, motion.people, values)
             found.variants[motion.name], found.frames[motion.name] = variants, variants[0].frames
             found.parts[motion.name] = LearnedPart(0.0, variants[0].seconds, clip.duration)
         elif recipe.as_recorded and not trainer.center_driven:
@@ -158,14 +161,6 @@ def prepare(
                 recorded_part, clip, part.first, part.end, loop=loops[motion.name], body=part.body
             )
     return found
-
-
-def _of_one_person(motion: MotionRecipe, recorded: list[Variant]) -> list[Variant]:
-    """A motion at each of its values as done by the first of its people; as recorded, if none are named."""
-    if not motion.people:
-        return recorded
-    values = list(dict.fromkeys(one.value for one in recorded))
-    return person_variants(motion.people[0], recorded, motion.people, values)
 
 
 def _reader(data: Path) -> Reader:

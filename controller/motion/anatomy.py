@@ -233,7 +233,9 @@ def shaped_anatomy(skeleton: Skeleton) -> Anatomy:
             rises = float(skeleton.rest_direction[branch, 2]) > 0.7
             arms.append(spine.index(_parent(skeleton, branch)) + rises)
         elif limbs or ends[limb, 2].min() < 0.0:
-            _name_leg(skeleton, way, limb, part)
+            length = skeleton.length[list(way)]
+            thigh = int(np.argmax(length[:-1] + length[1:])) if len(way) > 1 else 0
+            _name(skeleton, way, limb, thigh, part, _LEG)
 
     # The spine below the arms is trunk, above them neck, and its last bone the head.
     for level, bone in enumerate(spine):
@@ -290,12 +292,6 @@ def _main_path(skeleton: Skeleton, branch: int, leaves: list[int]) -> list[int]:
     ways = [_path(skeleton, leaf) for leaf in leaves if skeleton.chain[leaf, branch]]
     ways = [way[way.index(branch) :] for way in ways]
     return max(ways, key=lambda way: skeleton.length[way].sum())
-
-
-def _name_leg(skeleton: Skeleton, main: Sequence[int], limb: np.ndarray, part: list[Part]) -> None:
-    length = skeleton.length[list(main)]
-    thigh = int(np.argmax(length[:-1] + length[1:])) if len(main) > 1 else 0
-    _name(skeleton, main, limb, thigh, part, _LEG)
 
 
 def _name_arm(skeleton: Skeleton, main: Sequence[int], limb: np.ndarray, part: list[Part]) -> None:

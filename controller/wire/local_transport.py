@@ -157,7 +157,9 @@ class LocalListener:
                 elif data := read_datagram(client := self._clients[number], most_bytes):
                     yield data, client
                 elif data is None:
-                    self._drop(client)
+                    del self._clients[number]
+                    self._ready.unregister(client)
+                    client.close()
 
     def _accept(self) -> None:
         client = self._door.accept()
@@ -172,11 +174,6 @@ class LocalListener:
             client.shutdown(socket.SHUT_RD)
         while read_datagram(client, 1):  # what is unread when it is closed would keep it from reading why
             pass
-        client.close()
-
-    def _drop(self, client: socket.socket) -> None:
-        del self._clients[client.fileno()]
-        self._ready.unregister(client)
         client.close()
 
     def fileno(self) -> int:

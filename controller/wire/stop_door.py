@@ -56,7 +56,9 @@ class StopDoor:
                     # With more a program would have to leave before it has had a chance to send.
                     while admitted < PLACES and (connection := self._socket.accept()) is not None:
                         admitted += 1
-                        presses += self._admit(connection)
+                        self._holders[connection.fileno()] = _Holder(connection)
+                        self._ready.register(connection, select.EPOLLIN)
+                        presses += self._dismiss(next(iter(self._holders))) if len(self._holders) > PLACES else 0
                 elif number in self._holders:  # else it had to make room
                     presses += self._read(number)
         return presses
@@ -74,12 +76,6 @@ class StopDoor:
             holder.connection.close()
         self._holders.clear()
         self._socket.close()
-
-    def _admit(self, connection: socket.socket) -> int:
-        """Gives a program a place; the presses of the one that has to leave."""
-        self._holders[connection.fileno()] = _Holder(connection)
-        self._ready.register(connection, select.EPOLLIN)
-        return self._dismiss(next(iter(self._holders))) if len(self._holders) > PLACES else 0
 
     def _dismiss(self, number: int) -> int:
         """Ends a connection, after all that it has sent is read: an emergency stop is not lost with it."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from controller.motion.anatomy import SIDES, anatomy
 from controller.motion.encodings.joint_angles import angles_of
-from controller.motion.rotations import Array, rotate
+from controller.motion.rotations import rotate
 from motiondeck.pictures.figures import new_figure, save
 
 if TYPE_CHECKING:
@@ -61,7 +61,10 @@ def _figures(axes: Any, clip: Clip) -> None:
     frames = np.linspace(0, len(clip) - 1, FIGURES).astype(int)
     apart = 1.15 * max(float(np.ptp(joints[..., 2])), 0.5)
     for place, frame in enumerate(frames):
-        across, up = _projected(joints[frame] - joints[frame, 0] * [1.0, 1.0, 0.0], clip.rotation[frame, 0])
+        ahead = rotate(clip.rotation[frame, 0], np.array([1.0, 0.0, 0.0]))
+        angle = np.arctan2(ahead[1], ahead[0]) + np.radians(50.0)
+        x, y, up = (joints[frame] - joints[frame, 0] * [1.0, 1.0, 0.0]).T
+        across = y * np.cos(angle) - x * np.sin(angle)
         for bone, parent in enumerate(clip.skeleton.parent + 1):
             ends = [parent, 1 + bone]
             axes.plot(across[ends] + place * apart, up[ends], color=COLOUR[parts.side[bone]], linewidth=2.0)
@@ -70,13 +73,6 @@ def _figures(axes: Any, clip: Clip) -> None:
     axes.set_title(f"{clip.name} ({clip.source}): left orange, right blue")
     axes.set_aspect("equal")
     axes.set_axis_off()
-
-
-def _projected(joints: Array, pelvis: Array) -> tuple[Array, Array]:
-    """Joints (N, 3) projected along a view 50 degrees to the side of the pelvis: across and up, m."""
-    ahead = rotate(pelvis, np.array([1.0, 0.0, 0.0]))
-    angle = np.arctan2(ahead[1], ahead[0]) + np.radians(50.0)
-    return joints[:, 0] * -np.sin(angle) + joints[:, 1] * np.cos(angle), joints[:, 2]
 
 
 def _curves(heights: Any, speeds: Any, clip: Clip) -> None:

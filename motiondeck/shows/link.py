@@ -46,7 +46,10 @@ class Link:
         try:
             self._session = zenoh.open(_config(member))
         except zenoh.ZError as error:
-            raise MotiondeckError(f"{member}: no link to the show can be opened ({_reason(error, member)})") from None
+            reason = str(error).split(" at /", 1)[0][:300]  # without zenoh's source files
+            if "acquire lock" in reason or "already in use" in reason:
+                reason = f"another {member.name} is running there, or something else has that port"
+            raise MotiondeckError(f"{member}: no link to the show can be opened ({reason})") from None
         self._kept: list[Any] = []
 
     @property
@@ -213,11 +216,3 @@ def _config(member: Membership) -> zenoh.Config:
     for key, value in settings.items():
         config.insert_json5(key, json.dumps(value))
     return config
-
-
-def _reason(error: Exception, member: Membership) -> str:
-    """What zenoh says, without its source files; the usual reason in our words."""
-    text = str(error).split(" at /", 1)[0]
-    if "acquire lock" in text or "already in use" in text:
-        return f"another {member.name} is running there, or something else has that port"
-    return text if len(text) < 300 else f"{text[:300]} ..."

@@ -55,8 +55,12 @@ def physics_model(robot: Robot, root: str = "gantry", alter: Alteration | None =
     check_root(root)
     spec = robot.spec.copy()
     spec.equality(GANTRY).active = root != "free"
-    for a, b in _drawn_into_one_another(robot):
-        spec.add_exclude(bodyname1=a, bodyname2=b)
+    rest = robot.model.qpos0.copy()
+    robot.layout.place(robot.rest, rest)
+    for pair in near_bodies(robot.model, rest):
+        a, b = (robot.model.body(body).name for body in pair)
+        if a and b:
+            spec.add_exclude(bodyname1=a, bodyname2=b)
     if root == "free":
         _make_solid(spec, robot)
     if alter is not None:
@@ -69,14 +73,6 @@ def lead_of(model: mujoco.MjModel) -> Array:
     # Position servos: force = gain * ctrl + bias . (1, length, velocity), with gain = kp and bias[2] = -kv.
     gain = model.actuator_gainprm[:, 0]
     return -model.actuator_biasprm[:, 2] / np.where(gain > 0.0, gain, 1.0)
-
-
-def _drawn_into_one_another(robot: Robot) -> list[tuple[str, str]]:
-    """The pairs of bodies that are neighbours or overlap in the rest pose, by name."""
-    rest = robot.model.qpos0.copy()
-    robot.layout.place(robot.rest, rest)
-    names = [[robot.model.body(body).name for body in pair] for pair in near_bodies(robot.model, rest)]
-    return [(a, b) for a, b in names if a and b]
 
 
 def _make_solid(spec: mujoco.MjSpec, robot: Robot) -> None:

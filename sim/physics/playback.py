@@ -137,14 +137,20 @@ class PhysicsPlayback:
         self.wanted[:] = self._goal
         if self._legs is not None:
             if self._recovery is not None and self._recovery.stands:
-                self._stand_again(self._legs)
+                self._gone = self.travel or (0.0, 0.0)
+                here = data.qpos.copy()
+                self._legs.start(data)
+                data.qpos[:] = here
             self._legs.adjust(data, self._goal, self._heading)
             if starting:
                 self._goal_before[:] = self._goal  # what it adds at once is not a movement
             self._recover(self._legs)
         if self._servos is not None:
             self._goal[:] = self._servos.delayed(self._goal)
-        self._aim()
+        mujoco.mj_differentiatePos(self.model, self._turned, self._dt, self._goal_before, self._goal)
+        layout, ahead = robot.layout, self._ahead
+        ahead[:] = self._lead * self._turned[layout.dof]
+        ahead[layout.hinge] += self._goal[layout.hinge_qpos]
         for _ in range(self._steps):
             data.ctrl[:] = self._ahead
             if len(robot.layout.ball):
@@ -193,12 +199,6 @@ class PhysicsPlayback:
             self._lead = lead_of(self.model)
             if recovery.phase is Phase.FALLS:
                 self.near_falls.append(self.clock())
-
-    def _stand_again(self, legs: Balance | Walker) -> None:
-        self._gone = self.travel or (0.0, 0.0)
-        here = self.data.qpos.copy()
-        legs.start(self.data)
-        self.data.qpos[:] = here
 
     def _note_fall(self, played: Array) -> None:
         gave_up = self._recovery is not None and self._recovery.gave_up
@@ -305,12 +305,6 @@ class PhysicsPlayback:
 
     def close(self) -> None:
         """Does nothing."""
-
-    def _aim(self) -> None:
-        layout, ahead = self._robot.layout, self._ahead
-        mujoco.mj_differentiatePos(self.model, self._turned, self._dt, self._goal_before, self._goal)
-        ahead[:] = self._lead * self._turned[layout.dof]
-        ahead[layout.hinge] += self._goal[layout.hinge_qpos]
 
     def _aim_balls(self, ctrl: Array, balls: Indices) -> None:
         # MuJoCo subtracts the joint's rotation vector from the control; the difference is to be the error.

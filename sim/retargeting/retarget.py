@@ -168,19 +168,15 @@ class LimbAngles:
         self._direction = direction
         d = direction.tolist()
         angles = self._last.copy()
-        self._head(angles, d[10], moved[10])
+        x, y, z = d[10]  # the head pans and tilts towards the human's direction of view
+        level = hypot(x, y)
+        self._follow(angles, 0, (atan2(y, x), atan2(-z, level)), (moved[10], moved[10]), (level, 1.0))
         self._arm(angles, ARMS[0], d[0], d[1], moved[0], moved[1])
         self._arm(angles, ARMS[1], d[2], d[3], moved[2], moved[3])
         self._leg(angles, 0, d[4:7], up, max(moved[4:7]))
         self._leg(angles, 1, d[7:10], up, max(moved[7:10]))
         self._last = angles
         return angles
-
-    def _head(self, angles: list[float], ahead: Vector, moved: float) -> None:
-        """Pan and tilt towards the human's direction of view."""
-        x, y, z = ahead
-        level = hypot(x, y)
-        self._follow(angles, 0, (atan2(y, x), atan2(-z, level)), (moved, moved), (level, 1.0))
 
     def _arm(
         self, angles: list[float], joint: int, upper: Vector, fore: Vector, upper_moved: float, moved: float

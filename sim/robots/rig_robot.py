@@ -41,8 +41,12 @@ def rig_robot(file: Path, joints: Sequence[str], limits: JointLimits, model: Pat
         built = spec.compile()
     else:
         row = RobotFile(file.stem, "humanoid", LimitTable(1.0, 1.0, 1.0), str(model))
-        height = _standing(load_model(file, row)[1])
-        spec, built = load_model(file, msgspec.structs.replace(row, root_height=height))
+        _, hung = load_model(file, row)
+        data, surface = mujoco.MjData(hung), Surface.of(hung)
+        mujoco.mj_kinematics(hung, data)
+        lowest = (surface.positions(data)[:, 2] - surface.radius).min()
+        standing = msgspec.structs.replace(row, root_height=max(float(data.qpos[2] - lowest), 1e-3))
+        spec, built = load_model(file, standing)
     whole = JointLayout.of(built)
     for joint in joints:
         if joint not in whole.joints:
@@ -52,14 +56,6 @@ def rig_robot(file: Path, joints: Sequence[str], limits: JointLimits, model: Pat
     layout = replace(whole, joints=tuple(joints), hinge=own, hinge_qpos=places, dof=whole.dof[order])
     height = float(built.body(int(built.jnt_bodyid[0])).pos[2])
     return Robot(file.stem, spec, built, layout, limits, rest, rest, retarget, height)
-
-
-def _standing(model: mujoco.MjModel) -> float:
-    """The height of the root, m, at which the model stands on the floor."""
-    data, surface = mujoco.MjData(model), Surface.of(model)
-    mujoco.mj_kinematics(model, data)
-    lowest = (surface.positions(data)[:, 2] - surface.radius).min()
-    return max(float(data.qpos[2] - lowest), 1e-3)
 
 
 def rig_figure(joints: Sequence[str], lower: Array, upper: Array) -> mujoco.MjSpec:

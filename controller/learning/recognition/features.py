@@ -88,7 +88,9 @@ def still_features(clip: Clip, recipe: FeatureRecipe) -> Array:
     if recipe.kind == "positions":
         base = _positions(clip, index, recipe.heading) / POSITION_UNIT
     else:
-        base = _rotations(clip, index) / ANGLE_UNIT
+        parent, bones = clip.skeleton.parent[index] + 1, np.array(index) + 1
+        local = multiply(conjugate(clip.rotation[:, parent]), clip.rotation[:, bones])
+        base = to_rotation_vector(normalise(local)).reshape(len(clip), -1) / ANGLE_UNIT
     if recipe.height:
         base = np.column_stack([base, clip.root_position[:, 2] / POSITION_UNIT])
     return base
@@ -121,10 +123,3 @@ def _positions(clip: Clip, index: list[int], heading: bool) -> Array:
     if heading:
         seen = rotate(conjugate(yaw(clip.heading()))[:, None], seen)
     return seen.reshape(len(clip), -1)
-
-
-def _rotations(clip: Clip, index: list[int]) -> Array:
-    parent = clip.skeleton.parent[index] + 1
-    bones = np.array(index) + 1
-    local = multiply(conjugate(clip.rotation[:, parent]), clip.rotation[:, bones])
-    return to_rotation_vector(normalise(local)).reshape(len(clip), -1)

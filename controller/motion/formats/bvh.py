@@ -42,7 +42,10 @@ class Joint:
 
 def read_bvh(path: str | Path, options: ReadingOptions = AS_FOUND) -> Clip:
     """The motion in a BVH file."""
-    head, rows, at = _split(read_text(path))
+    text = read_text(path)
+    time = re.search(r"^[ \t]*frame[ \t]+time[ \t]*:[^\n]*$", text, re.MULTILINE | re.IGNORECASE)
+    end = len(text) if time is None else time.end()
+    head, rows, at = text[:end], text[end:], text.count("\n", 0, end)
     lines = [Line(path, number, text.split()) for number, text in enumerate(head.split("\n"), 1)]
     found = (index for index, line in enumerate(lines) if line.words and line.words[0].upper() == "MOTION")
     motion = next(found, None)
@@ -62,13 +65,6 @@ def read_bvh(path: str | Path, options: ReadingOptions = AS_FOUND) -> Clip:
     tree, decisions = one_body(_tree(joints, values), path, options.person)
     clip = clip_of(tree, rate, path, options)
     return replace(clip, decisions=(*decisions, *clip.decisions))
-
-
-def _split(text: str) -> tuple[str, str, int]:
-    """The text up to the frame time, the rows of the frames, and the number of lines before them."""
-    found = re.search(r"^[ \t]*frame[ \t]+time[ \t]*:[^\n]*$", text, re.MULTILINE | re.IGNORECASE)
-    end = len(text) if found is None else found.end()
-    return text[:end], text[end:], text.count("\n", 0, end)
 
 
 def _hierarchy(path: str | Path, lines: list[Line]) -> list[Joint]:

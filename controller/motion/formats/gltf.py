@@ -51,8 +51,10 @@ def read_gltf(path: str | Path, options: ReadingOptions = AS_FOUND) -> Clip:
     frames = int(seconds * rate + 1e-3) + 1
     human = _human_bones(asset)
     joints = _joints(asset, parents, human, {track.node for track in tracks})
-    if len(people := _people(asset, parents, joints)) > 1:
-        joints = people[chosen_person(path, people, options.person)]
+    place = {node: index for index, node in enumerate(joints)}
+    names = [asset.nodes[node].name or f"node {node}" for node in joints]
+    if len(people := people_in(names, [place.get(parents[node], -1) for node in joints])) > 1:
+        joints = [joints[one] for one in people[chosen_person(path, people, options.person)]]
     if frames * len(joints) > MOST_POSES:
         raise FileFormatError(f"{path}: {seconds:.0f} s of {len(joints)} joints do not fit into memory. Export a part.")
     return clip_of(_posed(asset, parents, joints, human, tracks, begin + np.arange(frames) / rate), rate, path, options)
@@ -157,14 +159,6 @@ def _joints(asset: Asset, parents: list[int], human: dict[int, str], driven: set
         return 0 if parents[node] == -1 else 1 + depth(parents[node])
 
     return sorted(kept, key=lambda node: (depth(node), node))
-
-
-def _people(asset: Asset, parents: list[int], joints: list[int]) -> dict[str, list[int]]:
-    """The joints of each body."""
-    place = {node: index for index, node in enumerate(joints)}
-    names = [asset.nodes[node].name or f"node {node}" for node in joints]
-    people = people_in(names, [place.get(parents[node], -1) for node in joints])
-    return {name: [joints[one] for one in own] for name, own in people.items()}
 
 
 def _posed(

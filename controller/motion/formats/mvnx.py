@@ -26,7 +26,11 @@ _POSES = ("identity", "tpose", "npose", "tpose-isb")  # frames that are no part 
 
 def read_mvnx(path: str | Path, options: ReadingOptions = AS_FOUND) -> Clip:
     """The motion in an MVNX file."""
-    contents = _subject(path, _Contents(path).people, options.person)
+    people = _Contents(path).people
+    moving = {name: one for name, one in people.items() if one.orientation or one.position}
+    contents = next(iter((moving or people).values()), _Subject())
+    if len(moving) > 1:
+        contents = moving[chosen_person(path, moving, options.person)]
     try:
         rate = float(contents.rate)
     except ValueError:
@@ -44,14 +48,6 @@ def read_mvnx(path: str | Path, options: ReadingOptions = AS_FOUND) -> Clip:
         raise FileFormatError(f"{path}: frame {int(np.argmax(bad))} holds what is no orientation or position.")
     tree = _tree(path, contents, normalise(turn), place)
     return clip_of(tree, rate, path, options, unit=1.0, up="z")
-
-
-def _subject(path: str | Path, people: dict[str, _Subject], wanted: str | None) -> _Subject:
-    """The subject to read; those without frames are none."""
-    moving = {name: one for name, one in people.items() if one.orientation or one.position}
-    if len(moving) > 1:
-        return moving[chosen_person(path, moving, wanted)]
-    return next(iter((moving or people).values()), _Subject())
 
 
 def _tree(path: str | Path, contents: _Subject, turn: Array, place: Array) -> JointTree:

@@ -16,17 +16,11 @@ from controller.motion.joint_tree import chosen_person
 from controller.motion.take.steps import taken
 from motiondeck_base.errors import FileFormatError, MotiondeckError
 
-
-def _all_formats() -> list[Format]:
-    """The FORMAT of every module below this folder, by suffix."""
-    names = [one.name for one in pkgutil.walk_packages([str(Path(__file__).parent)], "controller.motion.formats.")]
-    rows = [getattr(importlib.import_module(name), "FORMAT", None) for name in names]
-    return sorted((row for row in rows if isinstance(row, Format)), key=lambda row: (row.general, row.suffixes))
-
-
+_MODULES = [one.name for one in pkgutil.walk_packages([str(Path(__file__).parent)], "controller.motion.formats.")]
+_FOUND = [getattr(importlib.import_module(name), "FORMAT", None) for name in _MODULES]
 FORMATS: dict[str, list[Format]] = {}
 """The formats of recordings, by suffix in lower case; the last one is given files that none matches."""
-for _row in _all_formats():
+for _row in sorted((row for row in _FOUND if isinstance(row, Format)), key=lambda row: (row.general, row.suffixes)):
     for _suffix in _row.suffixes:
         FORMATS.setdefault(_suffix, []).append(_row)
 _REMEDIES: dict[str, str] = tomllib.loads(Path(__file__).with_name("unread.toml").read_text(encoding="utf-8"))
@@ -52,7 +46,9 @@ def read_clip(path: str | Path, options: ReadingOptions = AS_FOUND) -> Clip:
 def read_fitted(path: str | Path, options: ReadingOptions = AS_FOUND) -> FittedClip:
     """As `read_clip`, with the fit to the markers."""
     suffix = Path(path).suffix.lower()
-    row = _format_of(Path(path))
+    rows = FORMATS.get(suffix, [])
+    shared = rows if len(rows) > 1 and Path(path).is_file() else []
+    row = next((one for one in shared if one.matches(Path(path))), rows[-1] if rows else None)
     if row is None and suffix in _UNREAD:
         raise FileFormatError(f"{path}: {_UNREAD[suffix]}")
     if (other := _format_by_content(Path(path))) and other is not row:
@@ -97,13 +93,6 @@ def recordings_in(paths: Iterable[Path], convertible: bool = False) -> list[Path
         where = ", ".join(map(str, paths)) or "nothing was given"
         raise MotiondeckError(f"{where}: no recording found. Recordings end in {', '.join(sorted(FORMATS))}.")
     return list(dict.fromkeys(found))
-
-
-def _format_of(path: Path) -> Format | None:
-    """The format of a file by its suffix and, where several share it, what it holds."""
-    rows = FORMATS.get(path.suffix.lower(), [])
-    shared = rows if len(rows) > 1 and path.is_file() else []
-    return next((row for row in shared if row.matches(path)), rows[-1] if rows else None)
 
 
 def _format_by_content(path: Path) -> Format | None:

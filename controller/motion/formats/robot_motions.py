@@ -46,7 +46,9 @@ def read_robot_motion(path: str | Path, options: ReadingOptions = AS_FOUND) -> C
         raise FileFormatError(f"{path}: a robot's motion has fixed units and axes: omit the options.")
     joints, rate, angles = _table(path) if Path(path).suffix.lower() == ".csv" else _arrays(path)
     rate = float(options.rate) if isinstance(options.rate, int | float) else rate
-    listed_there = _listed(Path(path))
+    folders = Path(path).absolute().parents[:_FOLDERS_ABOVE]
+    file = next((folder / JOINTS_FILE for folder in folders if (folder / JOINTS_FILE).is_file()), None)
+    listed_there = [line.strip() for line in read_lines(file, 1 << 20) if line.strip("# \t")] if file else []
     if joints is None:
         joints = [*map(_bare, listed_there)] or [*_G1]
         angles = angles[:, _ROOT:] if angles.shape[1] == len(joints) + _ROOT else angles
@@ -102,13 +104,6 @@ def _table(path: str | Path) -> tuple[list[str] | None, float, Array]:
         joints = [head.removesuffix("_dof") for head in heads[len(_SEED) :]]
         return joints, _SEED_RATE, np.radians(table[:, len(_SEED) :])
     return None, _UNITREE_RATE, numbers(path, [(head.number, separator.join(heads)), *rows], len(heads), separator)
-
-
-def _listed(path: Path) -> list[str]:
-    """The lines of the nearest file of names; empty if there is none."""
-    folders = [path.absolute().parent, *path.absolute().parent.parents][:_FOLDERS_ABOVE]
-    file = next((folder / JOINTS_FILE for folder in folders if (folder / JOINTS_FILE).is_file()), None)
-    return [] if file is None else [line.strip() for line in read_lines(file, 1 << 20) if line.strip("# \t")]
 
 
 def _bare(name: str) -> str:

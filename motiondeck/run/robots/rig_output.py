@@ -154,6 +154,7 @@ class RigOutput:
     def report(self) -> Mapping[str, object]:
         """The rig's part of the report of the run."""
         rig, report = self.rig, self.rig.report
+        known = rig.states.temperatures[np.isfinite(rig.states.temperatures)]
         return {
             "kind": "servos",
             "joints": len(rig.names),
@@ -163,7 +164,7 @@ class RigOutput:
             "tracking_rmse_rad": (self._squares / self._samples) ** 0.5 if self._samples else None,
             "recoveries": report.recoveries,
             "incidents": self.incidents,
-            "hottest_degc": _hottest(rig.states.temperatures),
+            "hottest_degc": float(known.max()) if len(known) else None,
             "faults": report.faults,
             "faults_by_joint": report.by_joint,
         }
@@ -180,11 +181,6 @@ def close_rig(rig: Rig | GuardedRig) -> None:
     unconfirmed = rig.close()
     if unconfirmed:
         print(f"motiondeck: {still_on(unconfirmed)}", file=sys.stderr)
-
-
-def _hottest(temperatures: Array) -> float | None:
-    known = temperatures[np.isfinite(temperatures)]
-    return float(known.max()) if len(known) else None
 
 
 def open_rig(
