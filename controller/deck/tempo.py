@@ -55,5 +55,5 @@ class Paced:
         if self.paused:
             goal, rate = 0.0, TEMPO_RATE
         most = rate * dt
-        self.tempo += min(max(goal - self.tempo, -most), most)
+        self.tempo = round(self.tempo + min(max(goal - self.tempo, -most), most), 12)  # through exactly 0
         return self.tempo

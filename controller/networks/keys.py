@@ -46,15 +46,24 @@ class Keys:
         packed = np.packbits(np.concatenate(parts).astype(np.uint8))
         return cls(packed, bits, least.astype(np.int16), np.array([len(keys), held, fineness, pieces], dtype=np.int32))
 
-    def drawn(self, frames: int, *, loop: bool) -> Array:
-        """The channels of all frames of a motion, shape (frames, C)."""
-        count, held, fineness, _ = self.course.tolist()
-        flags, ends = np.unpackbits(self.packed), np.cumsum(count * self.bits.astype(np.int64))
+    @property
+    def counted(self) -> Indices:
+        """The keys in steps, shape (K, C), in the range of 16 bits."""
+        count, flags = int(self.course[0]), np.unpackbits(self.packed)
         parts = [
             flags[end - count * own : end].reshape(count, own) @ (1 << np.arange(own))
-            for own, end in zip(self.bits.tolist(), ends, strict=True)
+            for own, end in zip(self.bits.tolist(), np.cumsum(count * self.bits.astype(np.int64)), strict=True)
         ]
-        keys = (np.stack(parts, 1) + self.least) * 2.0 ** (-fineness / STEPS_PER_BIT)
+        return np.stack(parts, 1) + self.least.astype(np.int64)
+
+    @property
+    def unit(self) -> float:
+        """The step in which keys are counted."""
+        return 2.0 ** (-int(self.course[2]) / STEPS_PER_BIT)
+
+    def drawn(self, frames: int, *, loop: bool) -> Array:
+        """The channels of all frames of a motion, shape (frames, C)."""
+        count, held, keys = int(self.course[0]), int(self.course[1]), self.counted * self.unit
         near, weights = spline(frames - held, count, loop=loop)
         moving = (weights[..., None] * keys[near]).sum(1)
         return np.concatenate([moving, np.repeat(moving[-1:], held, axis=0)])

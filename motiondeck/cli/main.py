@@ -55,6 +55,7 @@ _PANELS = {
     },
     "Robot": {"robot": "robot.commands", "preflight": "preflight", "retarget": "robot.retarget"},
     "Servo rig": {"rig": "rig.commands"},
+    "Export": {"export": "export"},
     "Show": {"gamepad": "remote.gamepad", "stage": "remote.stage", "conduct": "show.conduct", "fleet": "show.fleet"},
 }
 _GROUPS = ("library", "clip", "rig", "robot", "recognize", "fleet")

@@ -28,6 +28,7 @@ TRIAL_EVERY = 0.005  # the time between trials, s
 _SLOWED_WITHIN = (1.0, 0.5, 0.25)
 # After how many trials a fade may exceed the bounds, and by what share of them more with each trial.
 _PATIENT_TRIALS, _YIELDING = 6, 0.02
+_ALL_BUT = 1.001  # of the bounds: a second trial often uses exactly all of them, but for rounding
 # At how many moments until its rate has run out a fade's speed and acceleration are computed, and by which factor it is
 # lengthened at least.
 _SAMPLES = 16
@@ -78,7 +79,7 @@ class FadeSearch:
             duration = SHORTEST
         else:
             duration = min(LONGEST, fade.duration * max(_LONGER, float(np.sqrt(beyond))))
-        allowed = 1.0 + _YIELDING * max(0, self.trials - _PATIENT_TRIALS)
+        allowed = _ALL_BUT + _YIELDING * max(0, self.trials - _PATIENT_TRIALS)
         self.found = self._least <= allowed or not self._shares
         if self.found:
             return self._best

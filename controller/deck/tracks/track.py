@@ -17,6 +17,7 @@ from controller.networks.base import Activation, AutonomousNetwork, Channels, Fr
 from controller.networks.guard import Guard
 
 AHEAD = 3  # frames by which a player is ahead of its output
+SUMMED = 1e-9  # s, the rounding error of a sum of many ticks
 
 
 class Mixture:
@@ -138,7 +139,7 @@ class Track:
     @property
     def ended(self) -> bool:
         """Whether the motion has ended or gone round, in its direction of play."""
-        return self.at <= self._round[0] if self._backwards else self.at >= self._round[1]
+        return self.at <= self._round[0] + SUMMED if self._backwards else self.at >= self._round[1] - SUMMED
 
     def cue(self, motion: str, anchor: int) -> None:
         """Starts a motion at one of its anchors."""
@@ -202,7 +203,7 @@ class Track:
         """Ends a loop with its present round."""
         if self.motion.loop:
             begin, seconds = self._round[1], self.motion.seconds
-            begin += float(np.floor((self.at - begin) / seconds)) * seconds
+            begin += float(np.floor((self.at - begin + SUMMED) / seconds)) * seconds
             self._round = begin, begin + seconds
 
     def _enter(self, anchor: int) -> None:

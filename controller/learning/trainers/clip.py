@@ -73,7 +73,7 @@ def held_frames(frames: Array, *, loop: bool) -> int:
     return 0 if loop else len(frames) - 2 - int(moving.max(initial=0))
 
 
-def fitted_keys(frames: Array, every: int, *, loop: bool) -> Array:
+def fitted_keys(frames: Array, every: float, *, loop: bool) -> Array:
     """The keys of least squares of frames (T, C), `every` frames apart, shape (K, C)."""
     from scipy.sparse import csr_array, eye_array  # what plays needs none of it
     from scipy.sparse.linalg import spsolve

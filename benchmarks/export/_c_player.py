@@ -1,0 +1,119 @@
+"""The C player of figures as a program: compiled in a folder, and played as `golden.deck_trace` plays the deck."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from random import Random
+
+import numpy as np
+
+from controller.motion.rotations import Array
+from controller.wire.messages import commands
+from controller.wire.messages.commands import DeckCommand
+from motiondeck.export.c_folder import SOURCES
+from motiondeck.export.figure import Figure, words_of
+from motiondeck.export.golden import Script, Trace
+
+SANITIZED = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-g")
+KINDS = {
+    commands.Switch: "s",
+    commands.Queue: "q",
+    commands.SetTempo: "t",
+    commands.Jump: "j",
+    commands.Pause: "p",
+    commands.Resume: "g",
+    commands.EmergencyStop: "e",
+    commands.Reset: "r",
+    commands.Heartbeat: "h",
+}
+
+
+class CPlayer:
+    """The player, compiled in a folder with further flags of the compiler."""
+
+    def __init__(self, folder: Path, flags: Sequence[str] = ()) -> None:
+        for source in (*SOURCES, Path(__file__).with_name("_replay.c")):
+            shutil.copy(source, folder)
+        self._program, self._figure = folder / "replay", folder / "replayed.bin"
+        words = ["cc", "-std=c99", "-O1", "-ffp-contract=off", *flags, "-o", self._program]
+        subprocess.run([*words, folder / "_replay.c", folder / "player.c", "-lm"], check=True)
+
+    def trace(self, figure: Figure, script: Script, ticks: int, measured: Array | None = None) -> Trace:
+        """As of `deck_trace`."""
+        self._figure.write_bytes(figure.words)
+        names, joints = figure.library.network.motions, len(figure.rest)
+        start = "n" if measured is None else f"a {' '.join(f'{angle:.9g}' for angle in measured)}"
+        text = "\n".join([start, *(f"{tick} {spelled(command, names)}" for tick, command in script)])
+        done = subprocess.run([self._program, self._figure, str(ticks)], input=text.encode(), capture_output=True)
+        if done.returncode:
+            raise RuntimeError(done.stderr.decode())
+        size = ticks * 2 * joints * 4
+        both = np.frombuffer(done.stdout[:size], dtype="<f4").reshape(ticks, 2, joints).astype(float)
+        return Trace(both[:, 0], both[:, 1], [bool(one) for one in done.stdout[size:]])
+
+
+def spelled(command: DeckCommand, names: Sequence[str]) -> str:
+    """A command as `_replay.c` reads it."""
+    kind = KINDS[type(command)]
+    match command:
+        case commands.Switch(to=to, direct=direct):
+            return f"{kind} {names.index(to)} {int(direct)} 0"
+        case commands.Queue(to=to):
+            return f"{kind} {names.index(to)} 0 0"
+        case commands.SetTempo(factor=factor, over=over):
+            return f"{kind} 0 {factor} {over}"
+        case commands.Jump(phase=phase):
+            return f"{kind} 0 {phase} 0"
+        case commands.Heartbeat(within=within):
+            return f"{kind} 0 {within} 0"
+        case _:
+            return f"{kind} 0 0 0"
+
+
+def random_script(names: Sequence[str], ticks: int, rng: Random, every: float = 40.0) -> list[tuple[int, DeckCommand]]:
+    """Commands at random, one in `every` ticks in the mean: switches in switches, stops, resets, tempos."""
+    made: list[tuple[int, DeckCommand]] = []
+    tick = rng.randrange(60)
+    while tick < ticks:
+        one = rng.choice("ssssqqtttjjpgggerrr")
+        command: DeckCommand = {
+            "s": lambda: commands.Switch(to=rng.choice(names), direct=rng.random() < 0.3),
+            "q": lambda: commands.Queue(to=rng.choice(names)),
+            "t": lambda: commands.SetTempo(factor=round(rng.uniform(-3.0, 3.0), 2), over=rng.choice([0.0, 0.0, 0.7])),
+            "j": lambda: commands.Jump(phase=round(rng.random(), 3)),
+            "p": commands.Pause,
+            "g": commands.Resume,
+            "e": commands.EmergencyStop,
+            "r": commands.Reset,
+        }[one]()
+        made.append((tick, command))
+        tick += int(rng.expovariate(1.0 / every))
+    return made
+
+
+def with_limits(figure: Figure, **limits: Array) -> Figure:
+    """The figure with other limits of its joints."""
+    changed = replace(figure.limits, **limits)
+    return replace(figure, limits=changed, words=words_of(figure.library, changed, figure.rate))
+
+
+def wide(figure: Figure) -> Figure:
+    """The figure with limits that no motion reaches, so that the envelope lets all targets pass."""
+    ones = np.ones(len(figure.rest))
+    rates = {"velocity": 60.0 * ones, "acceleration": 1e4 * ones, "jerk": 2e6 * ones}
+    return with_limits(figure, lower=-9.0 * ones, upper=9.0 * ones, **rates)
+
+
+def beyond_limits(figure: Figure, start: Array, safe: Array) -> float:
+    """By which share the safe targets (T, J), rad, of a run from rest at `start` break a limit; at most 0 if none."""
+    dt, limits = 1.0 / figure.rate, figure.limits
+    path = np.concatenate([np.repeat(start[None], 3, axis=0), safe])
+    shares = [
+        float((np.abs(np.diff(path, order, axis=0)) / (rate * dt**order)).max()) - 1.0
+        for order, rate in ((1, limits.velocity), (2, limits.acceleration), (3, limits.jerk))
+    ]
+    return max(*shares, float((limits.lower - safe).max()), float((safe - limits.upper).max()))

@@ -1,0 +1,51 @@
+/* Plays commands from standard input on a figure; writes the targets before and after the limits of each tick.
+
+   replay FIGURE TICKS < "a MEASURED..." or "n", then lines of TICK KIND MOTION VALUE VALUE. At the end comes a byte for
+   each command: 1 if it was accepted. */
+#include <stdio.h>
+#include <stdlib.h>
+
+#include "player.h"
+
+static int give(md_player *p, char kind, int motion, float value, float other) {
+  switch (kind) {
+    case 's': return md_switch(p, motion, value != 0.0f);
+    case 'q': return md_queue(p, motion);
+    case 't': return md_tempo(p, value, other);
+    case 'j': return md_jump(p, value);
+    case 'p': return md_pause(p);
+    case 'g': return md_resume(p);
+    case 'e': return md_stop(p), 0;
+    case 'r': return md_reset(p);
+    case 'h': return md_heartbeat(p, value), 0;
+  }
+  return -100;
+}
+
+int main(int count, char **words) {
+  FILE *file = count == 3 ? fopen(words[1], "rb") : 0;
+  static uint32_t figure[1 << 18];
+  static float measured[MD_MOST_JOINTS];
+  static unsigned char accepted[100000];
+  static md_player player;
+  if (!file || !fread(figure, 4, 1 << 18, file)) return 2;
+  fclose(file);
+  int ticks = atoi(words[2]), given = 0, due, motion, joints = md_joints(figure);
+  float value, other;
+  char kind;
+  if (scanf(" %c", &kind) != 1) return 2;
+  for (int j = 0; kind == 'a' && j < joints; j++)
+    if (scanf("%f", measured + j) != 1) return 2;
+  int begun = md_begin(&player, figure, kind == 'a' ? measured : 0);
+  if (begun) return fprintf(stderr, "md_begin: %d\n", begun), 3;
+  int more = scanf("%d %c %d %f %f", &due, &kind, &motion, &value, &other) == 5;
+  for (int tick = 0; tick < ticks; tick++) {
+    for (; more && due <= tick; more = scanf("%d %c %d %f %f", &due, &kind, &motion, &value, &other) == 5)
+      accepted[given++] = !give(&player, kind, motion, value, other);
+    const float *safe = md_step(&player);
+    fwrite(md_targets(&player), sizeof(float), (size_t)joints, stdout);
+    fwrite(safe, sizeof(float), (size_t)joints, stdout);
+  }
+  fwrite(accepted, 1, (size_t)given, stdout);
+  return 0;
+}

@@ -1,0 +1,87 @@
+"""Whether the C player does as the deck, by random commands, and keeps limits.
+
+Each sequence is played by the deck in virtual time and by the C player: once with limits so wide that all targets pass,
+where angles are compared; once with the joints' own limits, where a judge of its own looks for broken ones. Where
+limits hold joints back, the way back to the target depends on the last bit of it (for the deck too, which is measured
+with targets rounded to 32 bits), so there the mean distance from the target is compared instead.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterable
+from pathlib import Path
+from random import Random
+from typing import Annotated
+
+import numpy as np
+import typer
+
+from benchmarks.command import run
+from benchmarks.export._c_player import SANITIZED, CPlayer, beyond_limits, random_script, wide
+from controller.motion.rotations import Array
+from motiondeck.export.figure import Figure
+from motiondeck.export.golden import deck_trace
+from motiondeck.export.source import open_figure
+
+TICKS, SAME = 600, 1e-3
+
+
+def measured(figure: Figure, rng: Random) -> Array:
+    """Joint angles near the rest pose, rad, as 32 bits hold them."""
+    limits = figure.limits
+    near = np.clip([angle + rng.uniform(-0.3, 0.3) for angle in figure.rest], limits.lower + 1e-3, limits.upper - 1e-3)
+    return near.astype(np.float32).astype(float)
+
+
+def parted(figure: Figure, player: CPlayer, seeds: Iterable[int]) -> tuple[list[int], list[float]]:
+    """The sequences in which angles part by 1 mrad, or commands are not taken alike, and how far angles part in all."""
+    found, off = list[int](), list[float]()
+    for seed in seeds:
+        rng = Random(seed)
+        start, script = measured(figure, rng), random_script(figure.library.network.motions, TICKS, rng)
+        deck, ours = (play(figure, script, TICKS, start) for play in (deck_trace, player.trace))
+        off.append(float(np.abs(deck.safe - ours.safe).max()))
+        if off[-1] >= SAME or deck.accepted != ours.accepted:
+            found.append(seed)
+    return found, off
+
+
+def within_limits(figure: Figure, player: CPlayer, seeds: Iterable[int]) -> tuple[float, float, float]:
+    """The largest excess over a limit, as a share of it, and how far from targets C and deck are, rad (rms)."""
+    worst, squares = -1.0, list[tuple[float, float]]()
+    for seed in seeds:
+        rng = Random(seed)
+        start, script = measured(figure, rng), random_script(figure.library.network.motions, TICKS, rng)
+        deck, ours = (play(figure, script, TICKS, start) for play in (deck_trace, player.trace))
+        worst = max(worst, beyond_limits(figure, start, ours.safe))
+        squares.append(
+            (float(np.square(ours.safe - ours.targets).mean()), float(np.square(deck.safe - deck.targets).mean()))
+        )
+    mean = np.sqrt(np.mean(squares, axis=0))
+    return worst, float(mean[0]), float(mean[1])
+
+
+def main(
+    libraries: Annotated[list[str] | None, typer.Argument(help="Libraries and robots, as thesis15:servo20.")] = None,
+    sequences: Annotated[int, typer.Option(help="Of each library, of 6 s each.")] = 300,
+    sanitized: Annotated[bool, typer.Option(help="With the sanitizers of the compiler.")] = False,
+) -> None:
+    """Plays random commands on the deck and on the C player."""
+    with tempfile.TemporaryDirectory() as folder:
+        player = CPlayer(Path(folder), SANITIZED if sanitized else ())
+        for name in libraries or ["thesis15:servo20", "cmu86:servo20"]:
+            library, _, robot = name.partition(":")
+            figure = open_figure(library, robot, None)
+            found, off = parted(wide(figure), player, range(sequences))
+            print(f"{name}: {sequences} sequences, {len(found)} part by {1e3 * SAME:g} mrad {found[:8]}")
+            print(
+                f"  largest difference: median {1e3 * np.median(off):.3f} mrad, 99 % {1e3 * np.quantile(off, 0.99):.3f}"
+            )
+            excess, ours, deck = within_limits(figure, player, range(sequences, sequences + max(1, sequences // 3)))
+            print(f"  limits: largest excess {excess:.1e} (none below 0)")
+            print(f"  from the targets, rms: {1e3 * ours:.2f} mrad (C), {1e3 * deck:.2f} (deck)")
+
+
+if __name__ == "__main__":
+    run("export", main)

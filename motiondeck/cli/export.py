@@ -1,0 +1,58 @@
+"""`motiondeck export`: a library as a folder of C for a microcontroller."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from typer import Option
+
+from motiondeck.cli.common.options import JsonOption
+from motiondeck.cli.library import LibraryArgument
+
+if TYPE_CHECKING:
+    pass
+
+
+def export(
+    library: LibraryArgument,
+    out: Annotated[Path, Option(metavar="FOLDER", help="The folder to write.")],
+    robot: Annotated[str | None, Option(metavar="ROBOT", help="The robot whose joints and limits it has.")] = None,
+    rig: Annotated[str | None, Option(metavar="RIG", help="The rig whose joints and limits it has.")] = None,
+    motions: Annotated[str, Option(metavar="NAME,NAME", help="The motions; the first one begins; default: all.")] = "",
+    target: Annotated[
+        Literal["c"], Option("--for", help="What it is for: C99 without heap or operating system.")
+    ] = "c",
+    as_json: JsonOption = False,
+) -> None:
+    """Write a player in C for a microcontroller, with its motions.
+
+    The library is baked for the robot, or was taught to the rig. The player switches, fades, keeps tempo, limits and
+    the emergency stop as the deck does. The folder builds as it is: `make` replays a golden trace of the deck.
+
+    Example:  motiondeck export thesis15 --robot servo20 --motions walk,jog,waltz --for c --out figure
+    """
+    from motiondeck.cli.common.tables import show_table
+    from motiondeck.export.c_folder import write_c
+    from motiondeck.export.source import open_figure
+
+    figure = open_figure(library, robot, rig, [name.strip() for name in motions.split(",") if name.strip()])
+    write_c(figure, out)
+    rows = [
+        {
+            "motion": name,
+            "bytes": size,
+            "rms_mrad": 1e3 * figure.error[name][0],
+            "largest_mrad": 1e3 * figure.error[name][1],
+        }
+        for name, size in figure.bytes_of.items()
+    ]
+    if as_json:
+        print(json.dumps({"target": target, "folder": str(out), "bytes": len(figure.words), "motions": rows}))
+        return
+    show_table(
+        ("motion", "bytes", "off by (rms)", "at most"),
+        [(r["motion"], str(r["bytes"]), f"{r['rms_mrad']:.2f} mrad", f"{r['largest_mrad']:.2f} mrad") for r in rows],
+    )
+    print(f"{out}: {len(figure.words)} bytes, {len(figure.rest)} joints. `make -C {out}` replays a trace of the deck.")

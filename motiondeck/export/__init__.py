@@ -1,0 +1,1 @@
+"""Figures of joint motions for microcontrollers: what `motiondeck export` writes, and the C that plays it."""

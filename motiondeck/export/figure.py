@@ -1,0 +1,204 @@
+"""A figure: a library of joint motions as the words that `player.c` reads.
+
+What a phase-driven network plays is a function of its phase. A figure has that function as keys of splines
+(`networks.keys`), as close as MOST_BYTES of a motion allow, at most one key a frame, and with it what the deck knows of
+the motions: where they may be entered, how fast they are, which lie between two others. The root of a baked motion is
+left out; only its joints are played, and only they are compared and limited where motions are joined.
+
+    0 "MDP1", 1 number of words, 2 FNV-1a of the words after it, 3 joints, 4 motions, 5 ticks and 6 frames a second,
+    7 limits, 8 motions, 9 ways, 10 names (offsets in words)
+
+Words have 32 bits, lowest byte first. Rows of limits and motions are `EnvelopeLimits` of `envelope.c`, per tick, and
+`md_motion` of `player.h`; keys are 16 bits, (K, J), J even; ways M x M bytes, the next motion from the row's to the
+column's; names end in 0, joints first.
+"""
+
+# ruff: noqa: D102 (`base.Network` documents the methods of a network)
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import msgspec
+import numpy as np
+
+from controller.deck.interfaces import JointLimits
+from controller.deck.joins.deck_motions import read_motions
+from controller.deck.routes import Routes
+from controller.learning.trainers.clip import fitted_keys, held_frames
+from controller.library.motion_library import MotionLibrary
+from controller.loop.safety.braking import longest_run
+from controller.loop.safety.safety_envelope import check_limits
+from controller.motion.encodings.joint_angles import JointAngles, JointBody
+from controller.motion.encodings.robot_joints import RobotBody
+from controller.motion.rotations import Array
+from controller.networks.base import Channels
+from controller.networks.clip.network import ClipPlayer
+from controller.networks.keys import FEWEST_KEYS, MOST_BITS, STEPS_PER_BIT, Keys
+from motiondeck_base.errors import MotiondeckError
+
+MOST_BYTES = 8192  # of the keys of a motion
+FARTHEST = 0.005  # rad, of a joint in a figure from where its network has it
+MOST_JOINTS, MOST_RATE = 64, 200.0
+_HEADER = 11  # words
+
+
+class CarriedNetwork(ClipPlayer):
+    """The frames of a figure; its anchors are as far apart as those of the network that it was made from."""
+
+    every = 1
+
+    def twin(self, runs: int | None = None) -> CarriedNetwork:
+        twin = super().twin(runs)
+        twin.every = self.every
+        return twin
+
+    def anchors(self, motion: str) -> Channels:
+        return super().anchors(motion)[:: self.every]
+
+    def cue(self, motion: str, anchor: int) -> None:
+        super().cue(motion, anchor * self.every)
+
+    def seek(self, motion: str, phase: float) -> None:
+        super().seek(motion, phase)
+        self._at //= self.every
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A library as a figure, and how near it is."""
+
+    library: MotionLibrary  # that it plays, on the joints alone
+    words: bytes
+    limits: JointLimits
+    rest: Array  # rad, shape (J,)
+    rate: float  # ticks a second
+    bytes_of: Mapping[str, int]  # of the keys of each motion
+    error: Mapping[str, tuple[float, float]]  # of each motion, root mean square and largest, rad
+
+
+def figure_of(
+    library: MotionLibrary,
+    joints: Sequence[str],
+    limits: JointLimits,
+    rest: Array,
+    rate: float,
+    motions: Sequence[str] = (),
+) -> Figure:
+    """The figure of some motions of a library, or all, for the joints of a robot and ticks at a rate in Hz.
+
+    Joints without motion stay at `rest` (J,), rad. MotiondeckError where the library cannot be exported, and why.
+    """
+    for name in motions:
+        library.network[name]  # UnknownNameError
+    chosen = [one for one in library.info.motions if not motions or one.name in motions]
+    if not library.skeleton.is_rig:
+        raise MotiondeckError("its motions are those of a human; bake it for a robot: motiondeck library bake")
+    if library.network.as_phase_network is None:
+        raise MotiondeckError(
+            f"a network of the kind {library.info.network} runs by itself; one with a phase is needed"
+        )
+    if driven := [one.name for one in chosen if one.input is not None]:
+        raise MotiondeckError(f"{driven[0]} has an input besides its phase; leave it out with --motions")
+    if not 1.0 <= rate <= MOST_RATE or len(joints) > MOST_JOINTS:
+        raise MotiondeckError(
+            f"{len(joints)} joints at {rate:g} Hz; a figure has up to {MOST_JOINTS}, {MOST_RATE:g} Hz"
+        )
+    check_limits(limits)
+    bones = library.skeleton.robot_joints if isinstance(library.skeleton, RobotBody) else library.skeleton.bones
+    if missing := [bone for bone in bones if bone not in joints]:
+        raise MotiondeckError(f"the library moves {missing[0]}, which is no joint there; it has {', '.join(joints)}")
+    order = [joints.index(bone) for bone in bones]
+    keys, error = dict[str, Keys](), dict[str, tuple[float, float]]()
+    for one in chosen:
+        settled = library.network.settled(one.name)
+        frames = np.tile(rest, (one.frames, 1))
+        frames[:, order] = (library.network.anchors(one.name) if settled is None else settled)[:, : len(order)]
+        keys[one.name], off = _keys(one.name, frames, loop=one.plays == "loop")
+        error[one.name] = float(np.sqrt(np.square(off).mean())), float(np.abs(off).max())
+    loops = {one.name: one.plays == "loop" for one in chosen}
+    network = CarriedNetwork.of_keys(keys, {one.name: one.frames for one in chosen}, loops)
+    network.every = -(-chosen[0].frames // len(library.network.anchors(chosen[0].name)))
+    encoding = JointAngles(JointBody.of(joints))
+    info = msgspec.structs.replace(
+        library.info, motions=chosen, network="clip", encoding=encoding.name, skeleton=encoding.skeleton_info()
+    )
+    carried = MotionLibrary(info, network, encoding)
+    sizes = {name: 2 * one.counted.shape[0] * _even(len(joints)) for name, one in keys.items()}
+    return Figure(carried, words_of(carried, limits, rate), limits, rest, rate, sizes, error)
+
+
+def _keys(name: str, frames: Array, *, loop: bool) -> tuple[Keys, Array]:
+    """The keys of a motion's frames (T, J), and by how much they miss these, rad."""
+    held = held_frames(frames, loop=loop)
+    most = MOST_BYTES // (2 * _even(frames.shape[1]))
+    every = max(1.0, (len(frames) - held) / (most - 2))
+    keys = Keys.of(fitted_keys(frames, every, loop=loop), held, MOST_BITS * STEPS_PER_BIT)
+    off = keys.drawn(len(frames), loop=loop) - frames
+    if np.abs(off).max() > FARTHEST or most < FEWEST_KEYS + 2:
+        raise MotiondeckError(
+            f"{name} is too long: in {MOST_BYTES} bytes its joints are off by {1e3 * np.abs(off).max():.1f} mrad, and "
+            f"{1e3 * FARTHEST:g} are allowed. Leave it out with --motions, or learn it in parts."
+        )
+    return keys, off
+
+
+def words_of(library: MotionLibrary, limits: JointLimits, rate: float) -> bytes:
+    """The words of a library with a `CarriedNetwork`, for ticks at a rate in Hz."""
+    network, motions = library.network, read_motions(library)
+    assert isinstance(network, CarriedNetwork), "made above"
+    names, joints, routes = list(motions), library.encoding.skeleton.bones, Routes.of(library)
+    ways = [[names.index((*routes.way(one, other), other)[0]) for other in names] for one in names]
+    parts = [_limit_rows(limits, 1.0 / rate), b"", bytes(np.array(ways, dtype=np.uint8).ravel()), b""]
+    offsets = dict[str, int]()
+    for name in (*joints, *names):
+        offsets[name] = len(parts[3])
+        parts[3] += name.encode() + b"\0"
+    at = _HEADER + sum(_padded(len(part)) for part in parts) // 4 + len(names) * 16
+    tables = list[bytes]()
+    for name, motion in motions.items():
+        keys, frames = network.keys[name], len(network[name])
+        table = np.zeros((keys.counted.shape[0], _even(len(joints))), dtype="<i2")
+        table[:, : len(joints)] = keys.counted
+        steps = frames if motion.loop else frames - 1
+        whole = [at, len(table), frames, frames - int(keys.course[1]), int(motion.loop), steps]
+        whole += [network.every, len(motion.course), len(motion.places)]
+        real = [keys.unit, motion.spacing, motion.seconds, motion.whole, motion.speed, motion.acceleration]
+        parts[1] += np.array(whole, "<u4").tobytes() + np.array(real, "<f4").tobytes()
+        parts[1] += np.array([offsets[name]], "<u4").tobytes()
+        tables.append(table.tobytes())
+        at += _padded(table.nbytes) // 4
+    starts = np.cumsum([_HEADER, *(_padded(len(part)) // 4 for part in parts)])[:-1]
+    body = b"".join(part + bytes(_padded(len(part)) - len(part)) for part in (*parts, *tables))
+    head = np.array([len(joints), len(names)], "<u4").tobytes() + np.array([rate, library.info.rate], "<f4").tobytes()
+    head += np.array(starts, "<u4").tobytes()
+    total = np.array([3 + (len(head) + len(body)) // 4], "<u4").tobytes()
+    return b"MDP1" + total + np.array([_fnv(head + body)], "<u4").tobytes() + head + body
+
+
+def _limit_rows(limits: JointLimits, dt: float) -> bytes:
+    """Rows of `EnvelopeLimits`, less what 32-bit positions are rounded by, so that these keep the limits too."""
+    rounding = np.spacing(np.maximum(np.abs(limits.lower), np.abs(limits.upper)).astype(np.float32)).astype(float)
+    v, a, j = limits.velocity * dt - rounding, limits.acceleration * dt**2 - 2 * rounding, limits.jerk * dt**3
+    j -= 4 * rounding
+    for joint in np.flatnonzero(np.minimum(np.minimum(v, a), j) <= 0.0):
+        raise MotiondeckError(f"the limits of joint {joint} are too tight for 32-bit numbers at {1.0 / dt:g} Hz")
+    inset = np.minimum(2e-6 + 2.0 * rounding, 0.5 * (limits.upper - limits.lower))
+    way = [longest_run(*row) for row in zip(v, a, a, j, strict=True)]
+    return np.column_stack([v, a, j, limits.lower + inset, limits.upper - inset, way]).astype("<f4").tobytes()
+
+
+def _fnv(data: bytes) -> int:
+    total = 2166136261
+    for byte in data:
+        total = (total ^ byte) * 16777619 & 0xFFFFFFFF
+    return total
+
+
+def _even(count: int) -> int:
+    return count + count % 2
+
+
+def _padded(size: int) -> int:
+    return -(-size // 4) * 4

@@ -1,0 +1,741 @@
+/* The player of player.h: the deck of Motiondeck (controller/deck, controller/loop) for joints, in C99 and C++.
+
+   It does what the files named in the comments below do, which say why; here is only what a compiler needs. */
+#include "player.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "envelope.c"
+
+#define MAGIC 0x3150444Du /* "MDP1" */
+enum { WORDS = 1, CHECKSUM, JOINTS, MOTIONS, TICK_RATE, FRAME_RATE, LIMITS, MOTION_ROWS, WAYS, NAMES };
+
+#define SHORTEST 0.2f /* fade_search.py */
+#define LONGEST 1.6f
+#define PLANNED_SHARE 0.8f
+#define TRIAL_EVERY 0.005f
+#define SAMPLES 16
+#define LONGER 1.1f
+#define ALL_BUT 1.001f
+#define PATIENT_TRIALS 6
+#define YIELDING 0.02f
+#define FASTEST 1.5f /* join_limits.py */
+#define HARDEST 2.0f
+#define CORRECTED_FROM 0.9f /* performance.py */
+#define CORRECTED_AGAIN 0.05f
+#define VELOCITY_REACH (8.0f / 120.0f)
+#define TEMPO_RATE 2.5f /* tempo.py */
+#define LEVER 4.0f      /* m, of the bone that stands for a joint and turns by 1 / LEVER of its angle (joint_angles.py) */
+#define SOON 1e-5f      /* s; times that differ by less are the same */
+#define NONE (-1)
+
+enum { RUNNING, BRAKING, LATCHED, HELD };           /* phases of the stop (stop_state.py) */
+enum { STOPPING, MOVING, ARRIVING, FOLLOWING, HOLDING }; /* ways of the joints (run_phases.py) */
+
+/* ---- the figure ---- */
+
+static float real_at(const uint32_t *figure, int word) {
+  float value;
+  memcpy(&value, figure + word, sizeof value);
+  return value;
+}
+static const md_motion *motion_row(const uint32_t *figure, int motion) {
+  return (const md_motion *)(const void *)(figure + figure[MOTION_ROWS]) + motion;
+}
+static const EnvelopeLimits *limits_of(const uint32_t *figure) {
+  return (const EnvelopeLimits *)(const void *)(figure + figure[LIMITS]);
+}
+static int motion_index(const md_player *p, const md_motion *m) { return (int)(m - motion_row(p->figure, 0)); }
+static int next_on_way(const md_player *p, int from, int to) {
+  return ((const uint8_t *)(p->figure + p->figure[WAYS]))[from * (int)p->figure[MOTIONS] + to];
+}
+
+/* FNV-1a over the words after the sum itself. */
+static uint32_t sum_of(const uint32_t *figure) {
+  uint32_t sum = 2166136261u;
+  for (uint32_t word = CHECKSUM + 1; word < figure[WORDS]; word++)
+    for (int shift = 0; shift < 32; shift += 8) sum = (sum ^ (figure[word] >> shift & 255u)) * 16777619u;
+  return sum;
+}
+
+int md_joints(const uint32_t *figure) { return (int)figure[JOINTS]; }
+int md_motions(const uint32_t *figure) { return (int)figure[MOTIONS]; }
+float md_rate(const uint32_t *figure) { return real_at(figure, TICK_RATE); }
+const char *md_joint_name(const uint32_t *figure, int joint) {
+  const char *name = (const char *)(figure + figure[NAMES]);
+  while (joint--) name += strlen(name) + 1;
+  return name;
+}
+const char *md_motion_name(const uint32_t *figure, int motion) {
+  return (const char *)(figure + figure[NAMES]) + motion_row(figure, motion)->name;
+}
+int md_find(const uint32_t *figure, const char *name) {
+  for (int motion = 0; motion < md_motions(figure); motion++)
+    if (!strcmp(md_motion_name(figure, motion), name)) return motion;
+  return MD_E_MOTION;
+}
+
+/* Angles of a frame, rad: a uniform cubic B-spline through the keys (keys.py). */
+static void draw(const md_player *p, const md_motion *m, int frame, float *angles) {
+  int count = (int)m->count, moving = (int)m->moving, width = (p->joints + 1) & ~1;
+  frame = frame < moving ? frame : moving - 1;
+  float place = m->loop ? (float)frame * (float)count / (float)moving
+                        : (float)frame * (float)(count - 3) / (float)(moving - 1);
+  int first = (int)place, last = m->loop ? count - 1 : count - 4;
+  first = first < last ? first : last;
+  float u = place - (float)first, w = 1.0f - u, unit = m->unit / 6.0f;
+  float weight[4] = {w * w * w, (3.0f * u - 6.0f) * u * u + 4.0f, ((3.0f - 3.0f * u) * u + 3.0f) * u + 1.0f, u * u * u};
+  const int16_t *row[4];
+  for (int k = 0; k < 4; k++) {
+    int key = first + k < count ? first + k : first + k - count;
+    row[k] = (const int16_t *)(p->figure + m->keys) + key * width;
+    weight[k] *= unit;
+  }
+  for (int j = 0; j < p->joints; j++)
+    angles[j] = weight[0] * (float)row[0][j] + weight[1] * (float)row[1][j] + weight[2] * (float)row[2][j] +
+                weight[3] * (float)row[3][j];
+}
+
+/* ---- one motion as it plays (frame_player.py, track.py) ---- */
+
+static int after(const md_motion *m, int frame) {
+  int last = (int)m->frames - 1;
+  return frame < last ? frame + 1 : m->loop ? 0 : last;
+}
+static int preceding(const md_motion *m, int frame) { return frame > 0 ? frame - 1 : m->loop ? (int)m->frames - 1 : 0; }
+
+static void take(const md_player *p, md_track *t, int place, int frame) {
+  t->index[place] = frame;
+  draw(p, t->motion, frame, t->frame[place]);
+}
+static int onward(const md_track *t, int frame) {
+  return t->forwards ? after(t->motion, frame) : preceding(t->motion, frame);
+}
+static void take_from(const md_player *p, md_track *t, int place) {
+  for (; place < 4; place++) take(p, t, place, onward(t, t->index[place - 1]));
+}
+static void begin_at(const md_player *p, md_track *t, const md_motion *m, int frame) {
+  t->motion = m, t->fraction = 0.0f, t->forwards = 1;
+  take(p, t, 0, frame);
+}
+
+static void enter_phase(const md_player *p, md_track *t, const md_motion *m, float phase) {
+  float exact = phase * (float)(m->loop ? m->frames : m->steps);
+  int frame = (int)rintf(exact);
+  if (m->loop) frame %= (int)m->frames;
+  begin_at(p, t, m, preceding(m, frame));
+  if (t->index[0] == frame) { /* no frame comes before the first of a one-shot */
+    take(p, t, 1, frame);
+    take_from(p, t, 2);
+    for (int j = 0; j < p->joints; j++) t->frame[0][j] = 2.0f * t->frame[1][j] - t->frame[2][j];
+  } else {
+    take_from(p, t, 1);
+  }
+  t->at = least(phase * m->whole, m->seconds), t->first = 0.0f, t->last = m->seconds;
+}
+
+static void enter_anchor(const md_player *p, md_track *t, const md_motion *m, int anchor) {
+  if (anchor == 0) {
+    enter_phase(p, t, m, 0.0f);
+  } else {
+    begin_at(p, t, m, anchor * (int)m->stride);
+    take_from(p, t, 1);
+  }
+  t->at = (float)anchor * m->spacing;
+  t->first = m->loop ? t->at - m->seconds : 0.0f;
+  t->last = m->loop ? t->at + m->seconds : m->seconds;
+}
+
+static void turn_round(const md_player *p, md_track *t) {
+  int held = !t->motion->loop && t->index[0] >= (int)t->motion->steps && t->forwards;
+  int lead = t->index[3];
+  t->forwards = !t->forwards;
+  t->fraction = 1.0f - t->fraction;
+  for (int i = 0; i < 2; i++) {
+    float row[MD_MOST_JOINTS];
+    int index = t->index[i];
+    memcpy(row, t->frame[i], sizeof row);
+    memcpy(t->frame[i], t->frame[3 - i], sizeof row);
+    memcpy(t->frame[3 - i], row, sizeof row);
+    t->index[i] = t->index[3 - i], t->index[3 - i] = index;
+  }
+  if (held) {
+    take(p, t, 3, preceding(t->motion, (int)t->motion->steps));
+    return;
+  }
+  t->index[0] = lead;
+  take_from(p, t, 1);
+}
+
+static float phase_of(const md_track *t, int place) {
+  const md_motion *m = t->motion;
+  float phase = (float)t->index[place] / (float)(m->loop ? m->frames : m->steps);
+  return phase < 1.0f ? phase : 1.0f;
+}
+
+/* Goes some seconds of the motion on, and notes the angles there. */
+static void step_track(const md_player *p, md_track *t, float dt, float tempo) {
+  float seconds = dt * tempo, round = t->motion->seconds;
+  t->at += seconds;
+  if (!t->motion->loop) t->at = bounded(t->at, t->first, t->last);
+  for (; t->motion->loop && t->at > 2.0f * round; t->last -= round) t->at -= round, t->first -= round;
+  for (; t->motion->loop && t->at < -2.0f * round; t->last += round) t->at += round, t->first += round;
+  t->backwards = tempo < 0.0f || (tempo == 0.0f && t->backwards);
+
+  if (seconds != 0.0f && (seconds > 0.0f) != t->forwards) turn_round(p, t);
+  t->fraction += fabsf(seconds) * real_at(p->figure, FRAME_RATE);
+  for (; t->fraction >= 1.0f; t->fraction -= 1.0f) {
+    memmove(t->frame[0], t->frame[1], sizeof t->frame[0] * 3);
+    memmove(t->index, t->index + 1, sizeof t->index[0] * 3);
+    take_from(p, t, 3);
+  }
+  float u = t->fraction, uu = u * u, uuu = uu * u;
+  float weight[4] = {0.5f * (2.0f * uu - u - uuu), 1.0f + 0.5f * (3.0f * uuu - 5.0f * uu),
+                     0.5f * (u + 4.0f * uu - 3.0f * uuu), 0.5f * (uuu - uu)};
+  memcpy(t->before, t->now, sizeof t->now);
+  for (int j = 0; j < p->joints; j++)
+    t->now[j] = weight[0] * t->frame[0][j] + weight[1] * t->frame[1][j] + weight[2] * t->frame[2][j] +
+                weight[3] * t->frame[3][j];
+}
+
+static int has_ended(const md_track *t) {
+  return t->backwards ? t->at <= t->first + SOON : t->at >= t->last - SOON;
+}
+
+static void finish_round(md_track *t) {
+  float seconds = t->motion->seconds;
+  if (!t->motion->loop) return;
+  t->first = t->last + floorf((t->at - t->last + SOON) / seconds) * seconds;
+  t->last = t->first + seconds;
+}
+
+/* ---- where a motion is entered (transition.best_anchor) ---- */
+
+/* 1 - cos x, for |x| < 2 */
+static float versine(float x) {
+  float s = x * x;
+  return 0.5f * s * (1.0f - s / 12.0f * (1.0f - s / 30.0f * (1.0f - s / 56.0f * (1.0f - s / 90.0f))));
+}
+/* The speed at which the end of a joint's bone moves, signed, m/s, as the joint turns by some rad in some s. */
+static float chord_speed(float turn, float seconds) {
+  float half = turn / (2.0f * LEVER), s = half * half;
+  return 2.0f * LEVER * half * (1.0f - s / 6.0f * (1.0f - s / 20.0f * (1.0f - s / 42.0f))) / seconds;
+}
+
+static int best_anchor(const md_player *p, const md_motion *m, const float *before, const float *now) {
+  float row[3][MD_MOST_JOINTS], least_cost = FARTHEST;
+  int best = 0, anchors = (int)m->anchors, stride = (int)m->stride;
+  float *back = row[0], *here = row[1], *next = row[2];
+  draw(p, m, (anchors - 1) * stride, back);
+  draw(p, m, 0, here);
+  for (int anchor = 0; anchor < (int)m->entries; anchor++) {
+    int one_sided = !m->loop && (anchor == 0 || anchor == anchors - 1);
+    draw(p, m, (anchor + 1 < anchors ? anchor + 1 : m->loop ? 0 : anchor) * stride, next);
+    const float *from = one_sided && anchor == 0 ? here : back;
+    float span = one_sided ? m->spacing : 2.0f * m->spacing, cost = 0.0f;
+    for (int j = 0; j < p->joints && cost < least_cost; j++) {
+      float own = chord_speed(next[j] - from[j], span), shown = chord_speed(now[j] - before[j], p->dt);
+      float apart = 0.5f * (next[j] + from[j] - now[j] - before[j]) / LEVER;
+      float faster = own - shown;
+      cost += 2.0f * LEVER * LEVER * versine((here[j] - now[j]) / LEVER) +
+              VELOCITY_REACH * VELOCITY_REACH * (faster * faster + 2.0f * own * shown * versine(apart));
+    }
+    if (cost < least_cost) least_cost = cost, best = anchor;
+    float *free_row = back;
+    back = here, here = next, next = free_row;
+  }
+  return best;
+}
+
+/* ---- fades (quintic.py, transition.Fade, fade_search.py) ---- */
+
+typedef struct {
+  float value, slope; /* what is left of a difference in place, and of the way on which its rate leads, s */
+} Shares;
+
+static Shares left_of(md_fade fade, float elapsed) {
+  float s = least(elapsed / fade.duration, 1.0f), r = least(elapsed / fade.slowing, 1.0f);
+  Shares left = {1.0f + s * s * s * (-10.0f + s * (15.0f - 6.0f * s)),
+                 fade.slowing * (r + r * r * r * (-6.0f + r * (8.0f - 3.0f * r)))};
+  return left;
+}
+static Shares leaving(md_fade fade, float elapsed) {
+  float s = least(elapsed / fade.duration, 1.0f), r = least(elapsed / fade.slowing, 1.0f), turn = s - s * s;
+  Shares rates = {-30.0f * turn * turn / fade.duration, 1.0f + r * r * (-18.0f + r * (32.0f - 15.0f * r))};
+  return rates;
+}
+
+static void sine_cosine(float x, float *sine, float *cosine) { /* for |x| < 2 */
+  float s = x * x;
+  *cosine = 1.0f - versine(x);
+  *sine = x * (1.0f - s / 6.0f * (1.0f - s / 20.0f * (1.0f - s / 42.0f * (1.0f - s / 72.0f * (1.0f - s / 110.0f)))));
+}
+
+/* The use of the planned share of the bounds by a fade; 1 is the limit (FadeSearch._beyond, peaks). */
+static float beyond(md_player *p, md_fade fade) {
+  const md_motion *m = p->track.motion;
+  int samples = (int)rintf(SAMPLES * fade.duration / fade.slowing), anchors = (int)m->anchors;
+  float step = fade.duration / (float)samples, fastest = 0.0f, first = 0.0f, hardest = 0.0f;
+  float low[MD_MOST_JOINTS], high[MD_MOST_JOINTS]; /* angles at the anchors around a moment */
+  float x[MD_MOST_JOINTS], y[MD_MOST_JOINTS];      /* the end of each bone one moment before */
+  float beside_x[MD_MOST_JOINTS], beside_y[MD_MOST_JOINTS], rise_x[MD_MOST_JOINTS], rise_y[MD_MOST_JOINTS];
+  for (int k = 0; k <= samples; k++) {
+    float time = step * (float)k, way = (float)k / (float)samples, risen = (1.0f - p->onset) * way * way;
+    float place = (p->course_at + p->course_tempo * time * (p->onset + risen / 3.0f)) / m->spacing;
+    int near = (int)floorf(place), further = near + 1;
+    float share = place - (float)near;
+    Shares left = left_of(fade, time);
+    if (m->loop) {
+      near = (near % anchors + anchors) % anchors, further = near + 1 < anchors ? near + 1 : 0;
+    } else {
+      near = near < 0 ? 0 : near < anchors ? near : anchors - 1;
+      further = further < 0 ? 0 : further < anchors ? further : anchors - 1;
+    }
+    draw(p, m, near * (int)m->stride, low);
+    draw(p, m, further * (int)m->stride, high);
+    for (int j = 0; j < p->joints; j++) {
+      /* The bone, between those of two anchors; then turned by what is left of the difference. */
+      float bent = 0.5f * (high[j] - low[j]) / LEVER, sine, cosine, turn_sine, turn_cosine;
+      float length = LEVER * (1.0f - 2.0f * bent * bent * share * (1.0f - share));
+      sine_cosine((low[j] + share * (high[j] - low[j])) / LEVER, &sine, &cosine);
+      sine_cosine((left.value * p->value[j] + left.slope * p->rate[j]) / LEVER, &turn_sine, &turn_cosine);
+      float bone_x = length * cosine, bone_y = length * sine, lost = turn_cosine - 1.0f;
+      float away_x = lost * bone_x - turn_sine * bone_y, away_y = turn_sine * bone_x + lost * bone_y;
+      float end_x = bone_x + away_x, end_y = bone_y + away_y;
+      if (k > 0) {
+        float moved_x = end_x - x[j], moved_y = end_y - y[j], rose_x = away_x - beside_x[j],
+              rose_y = away_y - beside_y[j];
+        float speed = moved_x * moved_x + moved_y * moved_y;
+        fastest = most(fastest, speed);
+        if (k == 1) first = most(first, speed);
+        if (k > 1) {
+          float bend_x = rose_x - rise_x[j], bend_y = rose_y - rise_y[j];
+          hardest = most(hardest, bend_x * bend_x + bend_y * bend_y);
+        }
+        rise_x[j] = rose_x, rise_y[j] = rose_y;
+      }
+      x[j] = end_x, y[j] = end_y, beside_x[j] = away_x, beside_y[j] = away_y;
+    }
+  }
+  if (p->already == 0.0f) p->already = sqrtf(first) / step;
+  float speed = sqrtf(fastest) / step / most(PLANNED_SHARE * p->bound_speed, p->already);
+  return most(sqrtf(hardest) / (step * step) / (PLANNED_SHARE * p->bound_acceleration), speed * speed);
+}
+
+static void try_fade(md_player *p, md_fade *longest) {
+  static const float slowed_within[3] = {1.0f, 0.5f, 0.25f};
+  md_fade fade = p->candidate;
+  float use = beyond(p, fade), duration;
+  int better = use < p->least;
+  p->trials++;
+  if (better) p->best = fade, p->least = use;
+  if (fade.duration >= LONGEST)
+    p->slowed++, duration = SHORTEST;
+  else
+    duration = least(LONGEST, fade.duration * most(LONGER, sqrtf(use)));
+  float allowed = ALL_BUT + YIELDING * (float)(p->trials > PATIENT_TRIALS ? p->trials - PATIENT_TRIALS : 0);
+  p->found = p->least <= allowed || p->slowed == 3;
+  if (p->found) {
+    *longest = p->best;
+    return;
+  }
+  p->candidate.duration = duration, p->candidate.slowing = slowed_within[p->slowed] * duration;
+  if (better && p->candidate.duration > longest->duration) *longest = p->candidate;
+}
+
+/* Goes over to another fade; the gap between both runs out in turn (Fading._go_over_to). */
+static void go_over_to(md_player *p, md_fade fade) {
+  md_fade shortest = {SHORTEST, SHORTEST}, old = p->fade;
+  p->fade = fade;
+  if (fade.duration == old.duration && fade.slowing == old.slowing) return;
+  Shares was = left_of(old, p->elapsed), is = left_of(fade, p->elapsed);
+  Shares went = leaving(old, p->elapsed), goes = leaving(fade, p->elapsed);
+  Shares gap = left_of(shortest, p->gap_elapsed), gap_goes = leaving(shortest, p->gap_elapsed);
+  for (int j = 0; j < p->joints; j++) {
+    float value = (was.value - is.value) * p->value[j] + (was.slope - is.slope) * p->rate[j];
+    float rate = (went.value - goes.value) * p->value[j] + (went.slope - goes.slope) * p->rate[j];
+    if (p->has_gap) {
+      value += gap.value * p->gap_value[j] + gap.slope * p->gap_rate[j];
+      rate += gap_goes.value * p->gap_value[j] + gap_goes.slope * p->gap_rate[j];
+    }
+    p->gap_value[j] = value, p->gap_rate[j] = rate;
+  }
+  p->has_gap = 1, p->gap_elapsed = 0.0f;
+}
+
+static void advance_fade(md_player *p) {
+  p->searched += p->dt;
+  if (!p->begun) {
+    p->begun = 1;
+    p->fade.duration = p->fade.slowing = SHORTEST;
+    p->candidate = p->best = p->fade;
+  }
+  if (!p->found) {
+    md_fade longest = p->fade;
+    while (!p->found && (float)(p->trials + 1) * TRIAL_EVERY < p->searched - SOON) try_fade(p, &longest);
+    if (p->elapsed > 0.0f)
+      go_over_to(p, longest);
+    else
+      p->fade = longest;
+  }
+  p->elapsed += p->dt, p->gap_elapsed += p->dt;
+  if (p->gap_elapsed >= SHORTEST - SOON) p->has_gap = 0;
+}
+
+/* Starts the fade of the difference from the target of the track to what is shown. */
+static void begin_fade(md_player *p, float onset, float speed, float acceleration) {
+  const md_track *t = &p->track;
+  for (int j = 0; j < p->joints; j++) {
+    p->value[j] = p->shown[j] - t->now[j];
+    p->rate[j] = (p->value[j] - (p->posture[j] - t->before[j])) / p->dt;
+  }
+  p->fading = 1, p->begun = p->found = p->has_gap = p->trials = p->slowed = 0;
+  p->elapsed = p->gap_elapsed = p->searched = p->already = 0.0f;
+  p->least = FARTHEST, p->onset = onset;
+  p->bound_speed = FASTEST * speed, p->bound_acceleration = acceleration;
+  p->course_at = t->at, p->course_tempo = p->tempo;
+}
+
+/* The share of the tempo at which the motion plays: a one-shot starts slowly as it fades in. */
+static float onset_of(const md_player *p) {
+  if (!p->fading || p->track.motion->loop) return 1.0f;
+  float progress = p->begun ? least(1.0f, p->elapsed / p->fade.duration) : 0.0f;
+  return p->onset + (1.0f - p->onset) * progress * progress;
+}
+
+/* ---- joins (performance.py, join_limits.py) ---- */
+
+static void limit_join(md_player *p, const md_motion *one, const md_motion *other) {
+  float speed = most(one->speed, other->speed), acceleration = most(one->acceleration, other->acceleration);
+  p->join_speed = FASTEST * (p->limited ? most(p->own_speed, speed) : speed);
+  p->join_acceleration = HARDEST * (p->limited ? most(p->own_acceleration, acceleration) : acceleration);
+  p->own_speed = speed, p->own_acceleration = acceleration;
+  p->limited = 1, p->correct_from = CORRECTED_FROM;
+}
+
+/* The use of the limits of the join by what is shown; 1 is the limit. */
+static float use_of_limits(const md_player *p) {
+  float fastest = 0.0f, hardest = 0.0f;
+  for (int j = 0; j < p->joints; j++) {
+    float now = (p->shown[j] - p->posture[j]) / LEVER, then = (p->posture[j] - p->before[j]) / LEVER;
+    float speed = chord_speed(now * LEVER, 1.0f), along, was, unused, across = versine(now) + versine(then);
+    sine_cosine(now, &along, &unused);
+    sine_cosine(then, &was, &unused);
+    fastest = most(fastest, fabsf(speed));
+    hardest = most(hardest, (along - was) * (along - was) + across * across);
+  }
+  return most(fastest / (p->join_speed * p->dt),
+              LEVER * sqrtf(hardest) / (p->join_acceleration * p->dt * p->dt));
+}
+
+static void fade_to(md_player *p, const md_motion *one, const md_motion *other) {
+  md_track *t = &p->track;
+  float onset = t->motion->loop ? 1.0f : 0.0f;
+  step_track(p, t, 0.0f, onset * p->tempo); /* its first two postures: a fade needs a rate of change */
+  step_track(p, t, p->dt, onset * p->tempo);
+  begin_fade(p, onset, most(one->speed, other->speed), most(one->acceleration, other->acceleration));
+}
+
+static void switch_to(md_player *p, const md_motion *to) {
+  const md_motion *from = p->track.motion;
+  int anchor = best_anchor(p, to, p->posture, p->shown);
+  limit_join(p, from, to);
+  enter_anchor(p, &p->track, to, anchor);
+  fade_to(p, from, to);
+}
+
+static void jump_to(md_player *p, float phase) {
+  const md_motion *m = p->track.motion;
+  limit_join(p, m, m);
+  enter_phase(p, &p->track, m, phase);
+  fade_to(p, m, m);
+}
+
+/* Goes a tick on; whether a fade has been completed with it. */
+static int perform(md_player *p) {
+  const md_motion *m = p->track.motion;
+  int completed = 0;
+  step_track(p, &p->track, p->dt, p->tempo * onset_of(p));
+  memcpy(p->shown, p->track.now, sizeof p->shown);
+  if (p->fading) {
+    advance_fade(p);
+    if (p->elapsed < p->fade.duration - SOON || p->has_gap) {
+      md_fade shortest = {SHORTEST, SHORTEST};
+      Shares left = left_of(p->fade, p->elapsed), gap = left_of(shortest, p->gap_elapsed);
+      for (int j = 0; j < p->joints; j++) {
+        p->shown[j] += left.value * p->value[j] + left.slope * p->rate[j];
+        if (p->has_gap) p->shown[j] += gap.value * p->gap_value[j] + gap.slope * p->gap_rate[j];
+      }
+    } else {
+      p->fading = 0, completed = 1;
+    }
+  }
+  if (p->limited) {
+    float use = use_of_limits(p) / most(1.0f, fabsf(p->tempo));
+    if (use > p->correct_from && !(p->fading && !p->found)) {
+      float onset = onset_of(p);
+      p->correct_from = use + CORRECTED_AGAIN;
+      for (int j = 0; j < p->joints; j++) p->shown[j] = 2.0f * p->posture[j] - p->before[j];
+      begin_fade(p, onset, m->speed, m->acceleration);
+    }
+  }
+  return completed;
+}
+
+/* ---- the plan (switch_plan.py, tempo.py, deck.py) ---- */
+
+static void start_switch(md_player *p, int to, int direct) {
+  const md_motion *here = p->track.motion;
+  int from = motion_index(p, here);
+  p->going_to = to, p->current = 1, p->fade_of_switch = 0;
+  if (here->loop && to == from) {
+    p->current = 0;
+    return;
+  }
+  p->ahead = direct ? to : next_on_way(p, from, to);
+  p->waits = !direct && !here->loop && !has_ended(&p->track);
+}
+
+static void take_next(md_player *p) {
+  int over = has_ended(&p->track) && !p->fading;
+  if (!p->current && p->queued && over) {
+    int to = p->queue[0];
+    memmove(p->queue, p->queue + 1, (size_t)--p->queued);
+    start_switch(p, to, 0);
+  }
+  if (p->ahead != NONE && (over || !p->waits)) {
+    int motion = p->ahead;
+    p->ahead = motion == p->going_to ? NONE : next_on_way(p, motion, p->going_to);
+    p->waits = 1, p->fade_of_switch = p->current, p->jump = -1.0f;
+    switch_to(p, motion_row(p->figure, motion));
+  } else if (p->jump >= 0.0f) {
+    jump_to(p, p->jump);
+    p->jump = -1.0f;
+  }
+}
+
+static void advance_tempo(md_player *p) {
+  float goal = p->paused ? 0.0f : p->commanded_tempo, most_change = (p->paused ? TEMPO_RATE : p->tempo_rate) * p->dt;
+  p->tempo += bounded(goal - p->tempo, -most_change, most_change);
+}
+
+/* The deck's next tick: angles without the limits of the joints, in `shown`. */
+static void update(md_player *p) {
+  advance_tempo(p);
+  if (perform(p)) {
+    if (p->fade_of_switch && p->ahead == NONE) p->current = 0;
+    p->fade_of_switch = 0;
+  }
+  take_next(p);
+  if (!p->fading) p->limited = 0;
+  memcpy(p->before, p->posture, sizeof p->before);
+  memcpy(p->posture, p->shown, sizeof p->posture);
+}
+
+/* ---- the run (run_phases.py, stop_state.py, approach.py) ---- */
+
+static EnvelopeJoint *joints_of(md_player *p) { return (EnvelopeJoint *)(void *)p->joint; }
+static int at_rest(md_player *p) {
+  const EnvelopeJoint *s = joints_of(p);
+  for (int j = 0; j < p->joints; j++)
+    if (s[j].v != 0.0f || s[j].a != 0.0f) return 0;
+  return 1;
+}
+static const float *follow(md_player *p, const float *targets) {
+  envelope_tick(p->joints, limits_of(p->figure), joints_of(p), p->safe, targets, p->changed, 0);
+  return p->safe;
+}
+static const float *brake(md_player *p) {
+  envelope_brake(p->joints, limits_of(p->figure), joints_of(p), p->safe);
+  return p->safe;
+}
+
+/* Goes to where the motion is, before it follows it. */
+static void go_there(md_player *p) {
+  const EnvelopeLimits *l = limits_of(p->figure);
+  p->way = STOPPING;
+  for (int j = 0; j < p->joints; j++) p->to[j] = bounded(p->posture[j], l[j].lower, l[j].upper);
+}
+
+static void start_approach(md_player *p) {
+  const EnvelopeLimits *l = limits_of(p->figure);
+  const EnvelopeJoint *s = joints_of(p);
+  float ticks = 0.0f;
+  for (int j = 0; j < p->joints; j++) {
+    float distance = fabsf(p->to[j] - s[j].p);
+    p->from[j] = s[j].p;
+    ticks = most(ticks, 1.875f * distance / l[j].v);
+    ticks = most(ticks, sqrtf(5.7735027f * distance / l[j].a));
+    ticks = most(ticks, cbrtf(60.0f * distance / l[j].j));
+  }
+  p->approach = 4.0f * ticks;
+  p->tick = 0, p->way = MOVING;
+}
+
+static const float *approach(md_player *p) {
+  float x = least((float)++p->tick / p->approach, 1.0f), share = x * x * x * (10.0f - 15.0f * x + 6.0f * x * x);
+  float targets[MD_MOST_JOINTS];
+  for (int j = 0; j < p->joints; j++) targets[j] = p->from[j] + (p->to[j] - p->from[j]) * share;
+  return follow(p, targets);
+}
+
+static void set_phase(md_player *p, int phase) {
+  if (phase == p->phase) return;
+  p->phase = phase;
+  if (phase == RUNNING)
+    go_there(p);
+  else
+    p->way = HOLDING;
+}
+
+const float *md_step(md_player *p) {
+  if (p->within > 0.0f && p->silent > p->within + SOON && !p->missed) p->missed = p->paused = 1;
+  p->silent += p->dt;
+  if (p->way == HOLDING) {
+    if (at_rest(p) && p->phase == BRAKING) set_phase(p, p->demanded ? LATCHED : HELD);
+    update(p);
+    return brake(p);
+  }
+  if (p->way == STOPPING) {
+    if (!at_rest(p)) return brake(p);
+    start_approach(p);
+  }
+  if (p->way == MOVING) {
+    if ((float)p->tick < p->approach) return approach(p);
+    p->tick = p->approach > 0.0f ? 2 : 0; /* brake at least so long, though 32 bits may not show the last velocity */
+    p->way = ARRIVING;
+  }
+  if (p->way == ARRIVING) {
+    if (p->tick-- > 0 || !at_rest(p)) return brake(p);
+    p->way = FOLLOWING;
+  }
+  update(p);
+  return follow(p, p->shown);
+}
+
+int md_begin(md_player *p, const uint32_t *figure, const float *measured) {
+  if (figure[0] != MAGIC || figure[JOINTS] > MD_MOST_JOINTS || sum_of(figure) != figure[CHECKSUM]) return MD_E_FIGURE;
+  memset(p, 0, sizeof *p);
+  p->figure = figure, p->joints = (int)figure[JOINTS], p->dt = 1.0f / md_rate(figure);
+  p->tempo = p->commanded_tempo = 1.0f, p->tempo_rate = TEMPO_RATE;
+  p->ahead = NONE, p->jump = -1.0f, p->phase = RUNNING;
+  enter_phase(p, &p->track, motion_row(figure, 0), 0.0f);
+  step_track(p, &p->track, 0.0f, 1.0f);
+  memcpy(p->shown, p->track.now, sizeof p->shown);
+  memcpy(p->posture, p->shown, sizeof p->posture);
+  memcpy(p->before, p->shown, sizeof p->before);
+  update(p);
+  go_there(p);
+  EnvelopeJoint *s = joints_of(p);
+  for (int j = 0; j < p->joints; j++) {
+    s[j].p = measured && fabsf(measured[j]) < FARTHEST ? measured[j] : p->to[j];
+    s[j].goal = s[j].p, s[j].matched = 1.0f;
+    p->safe[j] = s[j].p;
+  }
+  return 0;
+}
+
+/* ---- commands (commanded_run.py) ---- */
+
+static int stopped(const md_player *p) { return p->phase == LATCHED || (p->phase == BRAKING && p->demanded); }
+
+static void let_go_on(md_player *p) {
+  if (p->phase == HELD) set_phase(p, RUNNING);
+}
+
+static int playable(const md_player *p, int motion) {
+  if (stopped(p)) return MD_E_STOPPED;
+  return motion >= 0 && motion < md_motions(p->figure) ? 0 : MD_E_MOTION;
+}
+
+static int played(md_player *p) {
+  if (p->phase != RUNNING) {
+    let_go_on(p);
+    p->paused = 0;
+  }
+  return 0;
+}
+
+int md_switch(md_player *p, int motion, int direct) {
+  int refused = playable(p, motion);
+  if (refused) return refused;
+  int under_way = p->current && p->going_to == motion && motion_row(p->figure, motion)->loop;
+  p->queued = 0;
+  if (!under_way || (direct && p->ahead != NONE)) {
+    p->ahead = NONE;
+    start_switch(p, motion, direct);
+  }
+  return played(p);
+}
+
+int md_queue(md_player *p, int motion) {
+  int refused = playable(p, motion);
+  if (refused) return refused;
+  if (p->queued == MD_MOST_QUEUED) return MD_E_FULL;
+  finish_round(&p->track);
+  p->queue[p->queued++] = (uint8_t)motion;
+  return played(p);
+}
+
+int md_tempo(md_player *p, float tempo, float over) {
+  if (stopped(p)) return MD_E_STOPPED;
+  if (!(tempo >= -3.0f && tempo <= 3.0f && over >= 0.0f && over <= 60.0f)) return MD_E_VALUE;
+  float change = fabsf(tempo - (p->paused ? 0.0f : p->tempo));
+  p->commanded_tempo = tempo;
+  p->tempo_rate = over > 0.0f ? least(TEMPO_RATE, change / over) : TEMPO_RATE;
+  return 0;
+}
+
+int md_jump(md_player *p, float phase) {
+  if (stopped(p)) return MD_E_STOPPED;
+  if (!(phase >= 0.0f && phase <= 1.0f)) return MD_E_VALUE;
+  p->jump = phase;
+  return 0;
+}
+
+int md_pause(md_player *p) {
+  if (stopped(p)) return MD_E_STOPPED;
+  p->paused = 1, p->tempo_rate = TEMPO_RATE;
+  return 0;
+}
+
+int md_resume(md_player *p) {
+  if (stopped(p)) return MD_E_STOPPED;
+  let_go_on(p);
+  p->paused = 0;
+  return 0;
+}
+
+void md_stop(md_player *p) {
+  p->demanded = 1;
+  set_phase(p, p->phase == HELD || p->phase == LATCHED ? LATCHED : BRAKING);
+  p->paused = 1, p->tempo_rate = TEMPO_RATE;
+}
+
+int md_reset(md_player *p) {
+  if (!stopped(p)) return MD_E_VALUE;
+  if (p->phase == BRAKING) return MD_E_MOVING;
+  p->demanded = 0;
+  set_phase(p, HELD);
+  return 0;
+}
+
+void md_heartbeat(md_player *p, float within) { p->within = within, p->silent = 0.0f, p->missed = 0; }
+
+/* ---- what a player tells ---- */
+
+const float *md_targets(const md_player *p) { return p->posture; }
+int md_playing(const md_player *p) { return motion_index(p, p->track.motion); }
+int md_going_to(const md_player *p) { return p->current ? p->going_to : md_playing(p); }
+float md_phase(const md_player *p) {
+  const md_track *t = &p->track;
+  float before = phase_of(t, 1), way = phase_of(t, 2) - before;
+  way -= rintf(way);
+  float phase = before + t->fraction * way;
+  return way != 0.0f ? phase - floorf(phase) * (float)(phase < 0.0f || phase > 1.0f) : phase;
+}
+int md_mode(const md_player *p) {
+  if (p->phase != RUNNING) return stopped(p) ? MD_STOPPED : MD_HELD;
+  return p->way == FOLLOWING ? MD_PLAYING : MD_APPROACHING;
+}

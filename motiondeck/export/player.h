@@ -1,0 +1,144 @@
+/* Plays a figure on a microcontroller as Motiondeck's deck does: switches, fades, tempo, emergency stop, joint limits.
+
+   A figure is an array of 32-bit words that `motiondeck export` writes: motions of joints as keys of splines, the limits
+   of the joints, and what the deck knows of the motions. The player reads it where it lies, in flash. It has no heap, no
+   global state and no recursion; all of its state is in a struct md_player of yours. Angles are in rad, times in s.
+
+       static md_player player;
+       md_begin(&player, figure, measured);        once, with the measured angles
+       angles = md_step(&player);                  at each tick, md_rate(figure) times a second
+
+   Functions that can refuse return 0, or a negative MD_E...; what they refuse changes nothing. */
+#ifndef MOTIONDECK_PLAYER_H
+#define MOTIONDECK_PLAYER_H
+#include <stdint.h>
+
+#define REAL float
+#define ROUNDING 1e-6f /* rad; the rounding error of a sum of many positions */
+#define CHANGED 1e-6f
+#define FARTHEST 1e30f
+#define SQRT sqrtf
+#define CEIL ceilf
+#define FLOOR floorf
+#define COPYSIGN copysignf
+#define FABS fabsf
+
+#ifndef MD_MOST_JOINTS
+#define MD_MOST_JOINTS 32
+#endif
+#define MD_MOST_QUEUED 32
+
+enum {
+  MD_E_FIGURE = -1,  /* no figure, a damaged one, or one with more than MD_MOST_JOINTS joints */
+  MD_E_MOTION = -2,  /* there is no such motion */
+  MD_E_VALUE = -3,   /* a number out of its range */
+  MD_E_FULL = -4,    /* MD_MOST_QUEUED motions wait already */
+  MD_E_STOPPED = -5, /* the emergency stop is on */
+  MD_E_MOVING = -6   /* the joints still brake for the emergency stop */
+};
+
+/* What the joints do: follow the motion, go slowly to where it is, are held, or are held by the emergency stop. */
+enum { MD_PLAYING, MD_APPROACHING, MD_HELD, MD_STOPPED };
+
+/* One motion, as the figure has it. */
+typedef struct {
+  uint32_t keys, count, frames, moving; /* offset and number of the keys; frames, of which the first `moving` move */
+  uint32_t loop, steps;                 /* whether it is a loop; frames until its phase is 1 */
+  uint32_t stride, anchors, entries;    /* frames from anchor to anchor; anchors, of which the first may be entered */
+  float unit;                           /* of a key, rad */
+  float spacing, seconds, whole;        /* s from anchor to anchor, of a round, and until its phase is 1 */
+  float speed, acceleration;            /* the largest of a joint, rad/s and rad/s^2 */
+  uint32_t name;                        /* offset in bytes among the names */
+} md_motion;
+
+/* A difference that runs out: the time it takes, and that until nothing is left of its rate, s. */
+typedef struct {
+  float duration, slowing;
+} md_fade;
+
+/* One motion as it plays: four frames about the present moment, and the time into it. */
+typedef struct {
+  const md_motion *motion;
+  float frame[4][MD_MOST_JOINTS], before[MD_MOST_JOINTS], now[MD_MOST_JOINTS]; /* rad */
+  int32_t index[4];                                                            /* of the frames */
+  float fraction;                                                              /* of the way from frame 1 to frame 2 */
+  float at, first, last; /* s into the motion, and where it has ended or gone round */
+  int forwards, backwards;
+} md_track;
+
+typedef struct {
+  const uint32_t *figure;
+  int joints;
+  float dt;
+
+  md_track track;
+  float before[MD_MOST_JOINTS], posture[MD_MOST_JOINTS], shown[MD_MOST_JOINTS]; /* the last two ticks and this one */
+
+  /* The fade of the last switch, and the gap between it and a shorter one that it began as. */
+  int fading, begun, has_gap;
+  md_fade fade;
+  float value[MD_MOST_JOINTS], rate[MD_MOST_JOINTS], gap_value[MD_MOST_JOINTS], gap_rate[MD_MOST_JOINTS];
+  float elapsed, gap_elapsed, onset;
+  /* The search for its duration, and the course of the motion that it considers. */
+  int found, trials, slowed;
+  md_fade best, candidate;
+  float searched, least, already, bound_speed, bound_acceleration, course_at, course_tempo;
+  /* The limits of the join, the largest of its motions, and from which use of them on the fade is replaced. */
+  int limited;
+  float join_speed, join_acceleration, own_speed, own_acceleration, correct_from;
+
+  /* The plan: what the present switch goes to, and what waits. */
+  int going_to, current, ahead, waits, fade_of_switch, queued;
+  uint8_t queue[MD_MOST_QUEUED];
+  float jump; /* the phase to go to in this tick; below 0 none */
+
+  float tempo, commanded_tempo, tempo_rate;
+  int paused;
+
+  /* The run: emergency stop, approach, heartbeat. */
+  int phase, way, demanded, missed;
+  float from[MD_MOST_JOINTS], to[MD_MOST_JOINTS], approach; /* s */
+  int32_t tick;
+  float within, silent;
+
+  REAL joint[MD_MOST_JOINTS][6]; /* an EnvelopeJoint each, see envelope.c */
+  float safe[MD_MOST_JOINTS];
+  long long changed[MD_MOST_JOINTS]; /* how many targets the limits have changed */
+} md_player;
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* Starts with the joints at rest at the measured angles, rad, or (NULL) at the first ones of the first motion. */
+int md_begin(md_player *p, const uint32_t *figure, const float *measured);
+/* The angles of the next tick, rad, within all limits; they are overwritten by the one after it. */
+const float *md_step(md_player *p);
+
+int md_switch(md_player *p, int motion, int direct); /* to a motion, by way of others where it is far; else direct */
+int md_queue(md_player *p, int motion);              /* plays a motion after the present round and what waits */
+int md_tempo(md_player *p, float tempo, float over); /* -3 to 3, 1 as recorded, reached within 0 to 60 s */
+int md_jump(md_player *p, float phase);              /* fades to a phase in [0, 1] of the present motion */
+int md_pause(md_player *p);
+int md_resume(md_player *p);
+void md_stop(md_player *p); /* emergency stop: brakes, and stays so until reset, and then resume or a switch */
+int md_reset(md_player *p);
+void md_heartbeat(md_player *p, float within); /* pauses unless it is called again within so many s; 0: never */
+
+int md_joints(const uint32_t *figure);
+int md_motions(const uint32_t *figure);
+float md_rate(const uint32_t *figure); /* ticks a second */
+const char *md_joint_name(const uint32_t *figure, int joint);
+const char *md_motion_name(const uint32_t *figure, int motion);
+int md_find(const uint32_t *figure, const char *name); /* a motion by its name, or MD_E_MOTION */
+
+const float *md_targets(const md_player *p); /* the angles of the last tick before the limits, rad */
+int md_playing(const md_player *p);  /* the motion that plays now */
+int md_going_to(const md_player *p); /* the motion that is switched to, or that plays */
+float md_phase(const md_player *p);  /* 0 to 1 */
+int md_mode(const md_player *p);     /* MD_PLAYING ... */
+
+#ifdef __cplusplus
+}
+#endif
+#endif

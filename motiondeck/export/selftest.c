@@ -1,0 +1,77 @@
+/* Replays a golden trace of the deck: are the angles the same, and do they keep the limits of the joints?
+
+   Prints the result and returns 0 if both are so. On a board let PRINT write to what it has. */
+#include <math.h>
+#ifndef PRINT
+#include <stdio.h>
+#define PRINT printf
+#endif
+
+#include "player.h"
+
+typedef enum {
+  GOLDEN_SWITCH, GOLDEN_QUEUE, GOLDEN_TEMPO, GOLDEN_JUMP, GOLDEN_PAUSE, GOLDEN_RESUME, GOLDEN_EMERGENCYSTOP
+} golden_kind;
+
+typedef struct {
+  int tick;
+  golden_kind kind;
+  int motion; /* or for the tempo the time in which it is reached, ms */
+  float value;
+} golden_command;
+
+#include "figure.h"
+#include "golden.h"
+
+#define SAME 0.001f /* rad */
+
+static md_player player;
+
+static int give(const golden_command *c) {
+  switch (c->kind) {
+    case GOLDEN_SWITCH: return md_switch(&player, c->motion, c->value != 0.0f);
+    case GOLDEN_QUEUE: return md_queue(&player, c->motion);
+    case GOLDEN_TEMPO: return md_tempo(&player, c->value, 0.001f * (float)c->motion);
+    case GOLDEN_JUMP: return md_jump(&player, c->value);
+    case GOLDEN_PAUSE: return md_pause(&player);
+    case GOLDEN_RESUME: return md_resume(&player);
+    case GOLDEN_EMERGENCYSTOP: break;
+  }
+  md_stop(&player);
+  return 0;
+}
+
+/* How many of the limits velocity, acceleration, jerk and range a joint breaks, by its positions in the last ticks. */
+static int broken(const float *p, const float *limit) {
+  float v = p[3] - p[2], a = p[3] - 2.0f * p[2] + p[1], j = p[3] - 3.0f * p[2] + 3.0f * p[1] - p[0];
+  float bit = 1e-6f; /* rad; what positions of 32 bits are rounded by, added up */
+  return (fabsf(v) > limit[0] + bit) + (fabsf(a) > limit[1] + bit) + (fabsf(j) > limit[2] + bit) +
+         (p[3] < limit[3] - 2.0f * bit || p[3] > limit[4] + 2.0f * bit);
+}
+
+int main(void) {
+  static float last[FIGURE_JOINTS][4];
+  const golden_command *command = golden_commands, *end = command + sizeof golden_commands / sizeof *command;
+  const float *angles = golden_angles, *limits = (const float *)(const void *)(figure + figure[7]);
+  float worst = 0.0f;
+  int refused = 0, over = 0;
+  if (md_begin(&player, figure, 0)) return PRINT("the figure is damaged, or MD_MOST_JOINTS is too small\n"), 1;
+  for (int j = 0; j < FIGURE_JOINTS; j++)
+    for (int k = 0; k < 4; k++) last[j][k] = player.safe[j];
+  for (int tick = 0; tick < GOLDEN_TICKS; tick++) {
+    for (; command < end && command->tick <= tick; command++) refused += give(command) != 0;
+    const float *safe = md_step(&player);
+    for (int j = 0; j < FIGURE_JOINTS; j++) {
+      for (int k = 0; k < 3; k++) last[j][k] = last[j][k + 1];
+      last[j][3] = safe[j];
+      over += broken(last[j], limits + 6 * j);
+      if (tick % GOLDEN_EVERY) continue;
+      float off = fabsf(md_targets(&player)[j] - *angles++);
+      worst = off <= worst ? worst : off; /* so that a NaN counts */
+    }
+  }
+  int passed = worst < SAME && !refused && !over;
+  PRINT("%d ticks of %d joints: at most %d urad from the deck, limits broken %d times, %d commands refused: %s\n",
+        GOLDEN_TICKS, FIGURE_JOINTS, (int)(1e6f * worst), over, refused, passed ? "passed" : "FAILED");
+  return !passed;
+}

@@ -1,0 +1,42 @@
+"""Libraries of joint motions made up for tests: smooth loops and one-shots of a few joints."""
+
+import numpy as np
+
+from controller.library.motion_library import VERSION, LibraryInfo, MotionInfo, MotionLibrary
+from controller.motion.encodings.joint_angles import JointAngles, JointBody
+from controller.networks.clip.network import ClipPlayer
+
+RATE = 120.0
+
+
+def joint_library(joints=4, seed=0, loops=3, shots=2, network=ClipPlayer):
+    """A library of a few seconds in all; some loops last a whole number of hundredths of a second, others do not."""
+    rng, frames, kinds = np.random.default_rng(seed), {}, {}
+    for number in range(loops + shots):
+        loop = number < loops
+        name, length = f"{'loop' if loop else 'shot'}{number}", int(rng.choice([60, 72, 77, 113, 120]))
+        phase = np.arange(length) * (2.0 * np.pi / length if loop else np.pi / (length - 1))
+        waves = rng.normal(size=(3, joints, 2)) * np.array([0.5, 0.2, 0.05])[:, None, None]
+        angles = sum(
+            wave[:, 0] * np.cos((k + 1) * phase)[:, None] + wave[:, 1] * loop * np.sin((k + 1) * phase)[:, None]
+            for k, wave in enumerate(waves)
+        )
+        frames[name], kinds[name] = angles + rng.normal(size=joints) * 0.2, loop
+    encoding = JointAngles(JointBody.of([f"joint{number}" for number in range(joints)]))
+    motions = [
+        MotionInfo(
+            name=name,
+            plays="loop" if kinds[name] else "once",
+            frames=len(part),
+            source="",
+            nrmse=0.0,
+            error_mm=0.0,
+            passed=True,
+        )
+        for name, part in frames.items()
+    ]
+    info = LibraryInfo(
+        version=VERSION, name="made-up", network="clip", encoding=encoding.name, motions=motions, rate=RATE, seed=0,
+        skeleton=encoding.skeleton_info(), recipe={}, licence="", acknowledgement="",
+    )  # fmt: skip
+    return MotionLibrary(info, network(frames, kinds), encoding)

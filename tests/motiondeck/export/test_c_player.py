@@ -1,0 +1,110 @@
+"""Test that the C player of exported figures does as the deck, keeps limits, and refuses what it cannot play."""
+
+import shutil
+import subprocess
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from random import Random
+from tempfile import mkdtemp
+
+import numpy as np
+import pytest
+
+from benchmarks.export._c_player import SANITIZED, CPlayer, beyond_limits, random_script, wide
+from command_line import motiondeck
+from controller.deck.interfaces import JointLimits
+from controller.wire.messages import commands
+from joint_libraries import joint_library
+from motiondeck.export.c_folder import write_c
+from motiondeck.export.figure import figure_of
+from motiondeck.export.golden import deck_trace
+from motiondeck_base.errors import MotiondeckError
+
+pytestmark = pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler")
+
+JOINTS, TICKS = 4, 300
+ONES = np.ones(JOINTS)
+LIMITS = JointLimits(-1.2 * ONES, 1.1 * ONES, 3.0 * ONES, np.array([20.0, 40.0, 80.0, 160.0]), 2e3 * ONES)
+
+
+@cache
+def figure(seed=0):
+    return figure_of(joint_library(JOINTS, seed), [f"joint{k}" for k in range(JOINTS)], LIMITS, 0.0 * ONES, 100.0)
+
+
+@cache
+def player(*flags):
+    return CPlayer(Path(mkdtemp()), flags)
+
+
+@pytest.mark.parametrize("seed", range(24))
+def test_random_commands_lead_to_the_angles_of_the_deck(seed):
+    rng, one = Random(seed), wide(figure(seed % 3))
+    script = random_script(one.library.network.motions, TICKS, rng)
+    measured = np.array([rng.uniform(-0.5, 0.5) for _ in range(JOINTS)], dtype=np.float32).astype(float)
+    deck, ours = (play(one, script, TICKS, measured) for play in (deck_trace, player().trace))
+    assert ours.accepted == deck.accepted
+    assert np.abs(ours.safe - deck.safe).max() < 1e-3
+
+
+@pytest.mark.parametrize("seed", range(100, 112))
+def test_no_limit_is_broken_whatever_is_commanded(seed):
+    rng, one = Random(seed), figure(seed % 3)
+    script = random_script(one.library.network.motions, 600, rng, every=25.0)
+    measured = np.array([rng.uniform(-1.0, 1.0) for _ in range(JOINTS)], dtype=np.float32).astype(float)
+    ours = player().trace(one, script, 600, measured)
+    assert beyond_limits(one, measured, ours.safe) <= 0.0
+    assert np.abs(np.diff(ours.safe, axis=0)).max() > 0.005
+
+
+def test_a_missed_heartbeat_pauses_and_a_given_one_does_not():
+    one = wide(figure())
+    beats = [(tick, commands.Heartbeat(within=0.2)) for tick in range(100, 180, 15)]
+    deck = deck_trace(one, [*beats, (196, commands.Pause())], TICKS)
+    assert np.abs(player().trace(one, beats, TICKS).safe - deck.safe).max() < 1e-3
+    assert np.ptp(deck.safe[-30:], axis=0).max() < 1e-6
+
+
+@pytest.mark.thorough
+def test_sanitizers_find_nothing_and_a_damaged_figure_is_refused():
+    one, checked = figure(), player(*SANITIZED)
+    script = random_script(one.library.network.motions, 900, Random(5), every=15.0)
+    assert np.array_equal(checked.trace(one, script, 900).safe, player().trace(one, script, 900).safe)
+    for place in (0, 8, 400, len(one.words) - 1):
+        words = bytearray(one.words)
+        words[place] ^= 4
+        with pytest.raises(RuntimeError, match="md_begin: -1"):
+            checked.trace(replace(one, words=bytes(words)), [], 1)
+
+
+@pytest.mark.thorough
+def test_the_folder_builds_without_a_warning_and_its_golden_trace_passes(tmp_path):
+    write_c(figure(1), tmp_path)
+    strict = "-Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wdouble-promotion -Werror -ffp-contract=off -O2"
+    subprocess.run(["make", "-C", tmp_path, f"CFLAGS=-std=c99 {strict}"], check=True, capture_output=True)
+    (tmp_path / "golden.h").write_text(
+        (tmp_path / "golden.h").read_text().replace("{60, GOLDEN_SWITCH", "{66, GOLDEN_SWITCH")
+    )
+    assert subprocess.run(["make", "-C", tmp_path], capture_output=True).returncode
+    for compiler in ("c++ -std=c++17 -x c++", "clang -std=c99", "clang++ -std=c++17 -x c++"):
+        if shutil.which(compiler.split()[0]):
+            subprocess.run([*compiler.split(), *strict.split(), "-fsyntax-only", tmp_path / "player.c"], check=True)
+
+
+def test_what_does_not_fit_is_refused_with_the_remedy(tmp_path):
+    library, names = joint_library(JOINTS), [f"joint{k}" for k in range(JOINTS)]
+    with pytest.raises(MotiondeckError, match="joint3, which is no joint there"):
+        figure_of(library, names[:3], LIMITS, 0.0 * ONES, 100.0)
+    with pytest.raises(MotiondeckError, match="of joint 0 are too tight for 32-bit numbers at 100 Hz"):
+        figure_of(library, names, replace(LIMITS, jerk=0.1 * ONES), 0.0 * ONES, 100.0)
+    with pytest.raises(MotiondeckError, match="up to 64"):
+        figure_of(library, names, LIMITS, 0.0 * ONES, 500.0)
+    rough, many = joint_library(40), np.ones(40)
+    rough.network._of["loop0"] += (
+        np.random.default_rng(0).normal(size=(1, 40)) * (np.arange(len(rough.network["loop0"])) % 2)[:, None]
+    )
+    limits = JointLimits(-9.0 * many, 9.0 * many, many, many, many)
+    with pytest.raises(MotiondeckError, match="loop0 is too long: in 8192 bytes"):
+        figure_of(rough, [f"joint{k}" for k in range(40)], limits, 0.0 * many, 100.0)
+    assert "name the robot with --robot, or the rig" in motiondeck("export", "thesis15", "--out", tmp_path).stderr
