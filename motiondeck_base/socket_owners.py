@@ -42,5 +42,4 @@ def _sockets(table: str) -> Iterator[tuple[str, str, int]]:
 
 def _as_listed(end: End) -> str:
     """An address and port as /proc/net/tcp has them: the address in the order of this machine's bytes."""
-    number = int.from_bytes(socket.inet_aton(end[0]), sys.byteorder)
-    return f"{number:08X}:{end[1]:04X}"
+    return f"{int.from_bytes(socket.inet_aton(end[0]), sys.byteorder):08X}:{end[1]:04X}"

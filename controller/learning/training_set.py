@@ -154,8 +154,7 @@ def prepare(
                 raise FileFormatError(f"motion '{motion.name}' is shorter than twice the washout of {washout} frames")
             found.before[motion.name], found.frames[motion.name] = channels[:washout], channels[washout:]
         else:
-            learned = to_learn(encoding, clip, motion, rate, recipe.loop_keeps)
-            found.frames[motion.name], part = learned
+            found.frames[motion.name], part = to_learn(encoding, clip, motion, rate, recipe.loop_keeps)
             found.parts[motion.name] = part
             found.recorded[motion.name] = partial(
                 recorded_part, clip, part.first, part.end, loop=loops[motion.name], body=part.body

@@ -43,8 +43,7 @@ class LeaderLink:
     def __call__(self, time: float) -> Sighting | None:
         """The observation since the last call, at `time` of the asking deck, s; None without a new one, or a phase."""
         sighting = None if self._answered else self._receive(time)
-        waited = time - self._asked
-        if waited >= (ASKED_EVERY if self._answered else UNANSWERED_AFTER):
+        if time - self._asked >= (ASKED_EVERY if self._answered else UNANSWERED_AFTER):
             self._asked, self._answered = time, False
             with contextlib.suppress(SocketError):  # not running, or held up
                 self._request = self._client.post(GetPhase())

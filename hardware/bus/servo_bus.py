@@ -130,8 +130,7 @@ class Bus:
 
         The `entries` are ID and `length` bytes, servo after servo.
         """
-        words = self._family(entries[0]).instructions
-        return self.port.send(words.sync_write(address, length, entries))
+        return self.port.send(self._family(entries[0]).instructions.sync_write(address, length, entries))
 
     def bulk_read(self, blocks: Blocks, fast: bool = False) -> dict[int, StatusPacket]:
         """Reads (id, address, length) of each servo, all in one reply if `fast`; silent ones are not in the result."""

@@ -83,8 +83,7 @@ class Handling:
         places: list[str] = []
         for name, joint in self._joints.items():
             device = buses[self._bus[name]][joint.id]
-            shaft = float(device.bank.shaft[device.row])
-            places.append(f"{name} {joint.angle(shaft):+.3f}")
+            places.append(f"{name} {joint.angle(float(device.bank.shaft[device.row])):+.3f}")
         return " ".join(places)
 
     def move(self, buses: Sequence[EmulatedBus], now: float) -> None:

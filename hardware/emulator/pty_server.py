@@ -55,8 +55,7 @@ class Wire:
                 return
         if self.paced:
             start = max(now, self._free) + self._time(data)
-        answers = self.bus.exchange(data, start)
-        for answer in answers:
+        for answer in self.bus.exchange(data, start):
             if self.paced:
                 start += answer.delay + self._time(answer.data)
             heard = self.faults.mangle(answer)

@@ -102,8 +102,7 @@ class Response(NamedTuple):
 
 def response(answers: ChirpAnswers) -> Response:
     """Lag, gain and friction of a joint; RigError if answers are too few, or the shaft did not follow its targets."""
-    start = answers.sent_at[0] + LATEST
-    known = answers.read_at >= start
+    known = answers.read_at >= answers.sent_at[0] + LATEST
     if np.count_nonzero(known) < 100:
         raise RigError("too few answers came back to identify anything. Check the cable, then try again.")
     read_at, y, current = answers.read_at[known], answers.positions[known], answers.currents[known]

@@ -71,8 +71,7 @@ def imported(motors: Mapping[str, MotorCalibration], found: Sequence[Found], por
     for name, motor in motors.items():
         if name.endswith(_SHADOW) and name.removesuffix(_SHADOW) in motors:
             continue
-        plain = new_joint(name, motor.id, servos[motor.id].identity.model)
-        joint, given_up = _joint(plain, motor)
+        joint, given_up = _joint(new_joint(name, motor.id, servos[motor.id].identity.model), motor)
         if (shadow := motors.get(name + _SHADOW)) is not None:
             other, _ = _joint(new_joint(name, shadow.id, servos[shadow.id].identity.model), shadow)
             joint = msgspec.structs.replace(joint, second=SecondServo(other.id, other.direction, other.zero))

@@ -49,8 +49,7 @@ def watch_hands(
         for part, bus in parts:
             for joint, pulses in positions(part, bus):
                 turns.setdefault(joint.name, joint.whole_turns(pulses))
-                angle = joint.angle(pulses - turns[joint.name])
-                angles[config.names.index(joint.name)] = angle
+                angles[config.names.index(joint.name)] = joint.angle(pulses - turns[joint.name])
                 heard[joint.name] = now
         silent = [joint.label for joint in config.joints if now - heard[joint.name] > _SILENT]
         if silent:

@@ -84,8 +84,7 @@ def play_live(spec: RunSpec) -> None:
     from motiondeck.run.library_run import library_run
     from motiondeck.run.spec.program import Program
 
-    program = Program.of(spec)
-    with library_run(spec, program) as session:
+    with library_run(spec, Program.of(spec)) as session:
         _send(Ready(session.command_port, session.page_port, list(session.deck.motions)))
         report = session.run()
     _send(Ended(report))

@@ -98,8 +98,7 @@ def _from_side_to_side(model: mujoco.MjModel, data: mujoco.MjData, balls: list[i
 def _limb(model: mujoco.MjModel, data: mujoco.MjData, ball: int) -> Array:
     """The direction from a ball joint to the next joints, or to the middle of its body."""
     body, at = int(model.jnt_bodyid[ball]), data.xanchor[ball]
-    children = np.flatnonzero(model.body_parentid == body)
-    following = data.xanchor[np.isin(model.jnt_bodyid, children)]
+    following = data.xanchor[np.isin(model.jnt_bodyid, np.flatnonzero(model.body_parentid == body))]
     ways = [end - at for end in (following.mean(axis=0) if len(following) else at, data.xipos[body])]
     way = next((way for way in ways if np.linalg.norm(way) > 1e-6), np.array([0.0, 0.0, 1.0]))
     return way / np.linalg.norm(way)

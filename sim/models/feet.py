@@ -119,8 +119,7 @@ def _broadest(model: mujoco.MjModel, data: mujoco.MjData, geoms: NDArray[np.intp
 
     def footprint(geom: int) -> tuple[float, Array]:
         axes = in_body.T @ data.geom_xmat[geom].reshape(3, 3)
-        upright = np.abs(in_body[2] @ axes)
-        up = int(np.argmax(upright))
+        up = int(np.argmax(np.abs(in_body[2] @ axes)))
         spans = np.array([float(reach(model, geom, np.eye(3)[axis])) for axis in range(3)])
         # A ball has no axis.
         return float(np.delete(spans, up).prod()) * (1.0 if np.ptp(spans) > 1e-6 else 0.0), axes[:, up]

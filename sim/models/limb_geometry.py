@@ -77,8 +77,7 @@ def folds(model: mujoco.MjModel, joint: int, axis: Array, upper: Array, lower: A
 
     `upper` and `lower` are the vectors (3,) from the limb's beginning to the knee and on to its end.
     """
-    bent = bent_by(axis, upper, lower)
-    low, high = bent + model.jnt_range[joint]
+    low, high = bent_by(axis, upper, lower) + model.jnt_range[joint]
     one_way = model.jnt_limited[joint] and min(abs(low), abs(high)) < 0.5 * max(abs(low), abs(high))
     return int(np.sign(low + high)) if one_way else 0
 

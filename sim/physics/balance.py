@@ -72,8 +72,7 @@ class Balance:
         self.falling = float(np.hypot(*off)) > LOST * GRAVITY / self._omega**2
         wanted[3:7] = multiply(self._hips(off), multiply(yaw(self._heading - heading), goal[3:7]))
         ankles = -ANKLE_GAIN * off
-        far = float(np.hypot(*ankles))
-        ankles *= min(1.0, ANKLE_REACH * self._half / max(far, 1e-9))
+        ankles *= min(1.0, ANKLE_REACH * self._half / max(float(np.hypot(*ankles)), 1e-9))
         self._body.step(wanted, self._place, self._flat, self._middle + ankles)
         goal[:] = self._plan.qpos
 

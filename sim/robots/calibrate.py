@@ -352,5 +352,4 @@ def _bent(stand: Array) -> Array:
 
 def _is_of(name: str, side: str, first: str) -> bool:
     """Whether a vector belongs to a limb, or goes from foot to foot."""
-    arm = "arm" in name
-    return name == "feet" or (name.startswith(f"{side}_") and arm == (first == "upper_arm"))
+    return name == "feet" or (name.startswith(f"{side}_") and ("arm" in name) == (first == "upper_arm"))

@@ -111,8 +111,7 @@ def fill_missing(markers: Array, rate: float, tick: Callable[[], None] = lambda:
     """
     filled, done = markers.copy(), []
     for group in _groups(gaps_of(markers), round(TOGETHER_S * rate)):
-        tried = _fill_group(markers, filled, group, rate)
-        for gap in tried:
+        for gap in _fill_group(markers, filled, group, rate):
             # With fewer than three markers seen through a group, its gaps may still be filled one by one.
             done += [gap] if gap.filled or len(group) == 1 else _fill_group(markers, filled, [gap], rate)
             tick()
@@ -198,8 +197,7 @@ def _predicted(target: Array, rate: float) -> Array:
     time = np.arange(len(target)) / rate
     satellites = int(np.clip(SATELLITES_A_SECOND * time[-1], 4, max(1, len(target) // 3)))
     starts = slow_and_fast(float(time[-1]), CENTERS, TRIES, 0)
-    learned = learn(target - middle, time, satellites, starts, iterations=ITERATIONS)
-    response = learned.respond(time)
+    response = learn(target - middle, time, satellites, starts, iterations=ITERATIONS).respond(time)
     return response @ ridge_readout(response, target - middle).T + middle
 
 

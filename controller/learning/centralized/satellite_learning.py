@@ -238,8 +238,7 @@ class _Projection:
 
     def unpack(self, x: Array) -> LearnedSatellites:
         satellites, frequency, phase = self.split(x)
-        learned = LearnedSatellites(frequency, phase, satellites, 0.0)
-        response = learned.respond(self.time)
+        response = LearnedSatellites(frequency, phase, satellites, 0.0).respond(self.time)
         left = self.target - response @ self.read_out(response, self.target).T
         error = float(np.square(left).sum() / np.square(self.target).sum())
         return LearnedSatellites(frequency, phase, satellites, error)

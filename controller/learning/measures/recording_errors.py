@@ -133,8 +133,7 @@ def _from_hips(places: Array) -> Array:
 
 def _nearest_late(recorded: RecordedPart, frame: int, played: Array) -> Array:
     """The recorded landmarks (20, 3) up to LATE seconds before a frame that are nearest to played ones (1, 20, 3)."""
-    step = np.diff(recorded.since[:2])[0]
-    some = _at(recorded.places, frame - np.arange(0.0, LATE / step, 0.25))
+    some = _at(recorded.places, frame - np.arange(0.0, LATE / np.diff(recorded.since[:2])[0], 0.25))
     off = np.linalg.norm(_from_hips(some) - _from_hips(played), axis=-1)[:, recorded.known]
     return some[off.mean(axis=1).argmin()]
 

@@ -68,8 +68,7 @@ def teach_joints(motions: dict[str, Array]) -> ExpertBank:
     """Experts on joint positions (T, J), rad, ball joints unwound; MotiondeckError for fewer than two motions."""
     if len(motions) < 2:
         raise MotiondeckError("a library of one motion leaves nothing to recognize")
-    signals = [joints / ANGLE_UNIT for joints in motions.values()]
-    return teach(EXPERTS, signals, list(motions))
+    return teach(EXPERTS, [joints / ANGLE_UNIT for joints in motions.values()], list(motions))
 
 
 class JointWatcher:

@@ -128,8 +128,7 @@ def folds(protocol: Protocol, labels: Indices, actors: Indices, seed: int = 0) -
 
 def inner_folds(labels: Indices, actors: Indices, seed: int = 0) -> list[Fold]:
     """Splits of the training set for choosing parameters: by actors if there are several, else random halves."""
-    several = len(np.unique(actors)) > 1
-    return folds("actor-out" if several else "half", labels, actors, seed)
+    return folds("actor-out" if len(np.unique(actors)) > 1 else "half", labels, actors, seed)
 
 
 def _half(labels: Indices, rng: np.random.Generator) -> Indices:

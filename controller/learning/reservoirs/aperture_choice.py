@@ -68,8 +68,7 @@ def settled_network(
 
 def by_attenuation(states: Array, loaded: LoadedReservoir, recipe: ConceptorRecipe) -> list[float]:
     """APERTURES for a motion with states (T, N), the one with the least attenuation first."""
-    lost = attenuations(states, loaded, recipe)
-    return [APERTURES[i] for i in np.argsort(lost)]
+    return [APERTURES[i] for i in np.argsort(attenuations(states, loaded, recipe))]
 
 
 def attenuations(states: Array, loaded: LoadedReservoir, recipe: ConceptorRecipe) -> Array:

@@ -84,8 +84,7 @@ class RobotJoints(JointAngles):
         seen = multiply(conjugate(yaw(heading)), root[:, 3:])[1:]
         axes = [rotate(seen, axis) for axis in np.eye(3)[:2]]
         rates = LIGHT * np.column_stack([rate * np.diff(heading), forward, left])
-        path = np.column_stack([rates, root[1:, 2], *axes])
-        return np.concatenate([angles[1:], path], axis=1)
+        return np.concatenate([angles[1:], np.column_stack([rates, root[1:, 2], *axes])], axis=1)
 
     def _standing(self, shape: tuple[int, ...]) -> tuple[Array, Array, Array]:
         """Height, velocity and turn rate of postures (...), which move with the clock."""

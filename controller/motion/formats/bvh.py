@@ -61,8 +61,7 @@ def read_bvh(path: str | Path, options: ReadingOptions = AS_FOUND) -> Clip:
         raise announced.error(
             f"{lines_left} frames of {len(joints)} joints are more than fit into memory. Cut the recording into pieces."
         )
-    values = _values(rows, at, width, announced)
-    tree, decisions = one_body(_tree(joints, values), path, options.person)
+    tree, decisions = one_body(_tree(joints, _values(rows, at, width, announced)), path, options.person)
     clip = clip_of(tree, rate, path, options)
     return replace(clip, decisions=(*decisions, *clip.decisions))
 

@@ -118,8 +118,7 @@ def read_mat(path: str | Path) -> dict[str, Variable]:
     try:
         for kind, data in _elements(content[128:], order):
             if kind == COMPRESSED:
-                unpacker = zlib.decompressobj()
-                data = unpacker.decompress(data, room)
+                data = zlib.decompressobj().decompress(data, room)
                 room -= len(data)
                 if room <= 0:
                     most = LARGEST_UNPACKED // 2**20

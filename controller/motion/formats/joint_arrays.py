@@ -120,8 +120,7 @@ def _limbs_change(points: Markers) -> float:
     for start, end in (("hip", "kne"), ("kne", "ank"), ("sho", "elb"), ("elb", "wri")):
         if not all(side + joint in joints for side in "lr" for joint in (start, end)):
             return np.inf
-        limbs = [joints[side + end] - joints[side + start] for side in "lr"]
-        lengths = np.linalg.norm(limbs, axis=-1)
+        lengths = np.linalg.norm([joints[side + end] - joints[side + start] for side in "lr"], axis=-1)
         usual = float(np.median(lengths)) + 1e-12
         changes.append(float(np.quantile(np.abs(lengths - usual), 0.75)) / usual)
     return float(np.mean(changes))

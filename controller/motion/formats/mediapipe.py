@@ -114,8 +114,7 @@ def _long(heads: list[str], rows: list[Line], time: Array) -> tuple[Array, list[
         if not np.isnan(position[at, landmark]).all():
             raise row.error(f"'{shortened(row.words[which])}' comes twice in this frame. Write each person alone.")
         position[at, landmark] = _numbers(row, columns)
-    first = np.unique(frame, return_index=True)[1]
-    return times, [rows[index] for index in first], position
+    return times, [rows[index] for index in np.unique(frame, return_index=True)[1]], position
 
 
 def _numbers(row: Line, columns: list[int]) -> list[float]:

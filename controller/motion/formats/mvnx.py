@@ -46,8 +46,7 @@ def read_mvnx(path: str | Path, options: ReadingOptions = AS_FOUND) -> Clip:
     bad = ~((length > 0.5) & (length < 2.0)).all(axis=1) | ~(np.abs(place).max(axis=(1, 2)) < FARTHEST)
     if bad.any():
         raise FileFormatError(f"{path}: frame {int(np.argmax(bad))} holds what is no orientation or position.")
-    tree = _tree(path, contents, normalise(turn), place)
-    return clip_of(tree, rate, path, options, unit=1.0, up="z")
+    return clip_of(_tree(path, contents, normalise(turn), place), rate, path, options, unit=1.0, up="z")
 
 
 def _tree(path: str | Path, contents: _Subject, turn: Array, place: Array) -> JointTree:

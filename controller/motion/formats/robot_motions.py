@@ -96,8 +96,7 @@ def _breadth_first(arrays: NpzArrays) -> bool:
 def _table(path: str | Path) -> tuple[list[str] | None, float, Array]:
     head, rows, separator, _ = heading(path)
     heads = head.words
-    lower = tuple(word.lower() for word in heads)
-    if lower[: len(_SEED)] == _SEED:
+    if tuple(word.lower() for word in heads)[: len(_SEED)] == _SEED:
         table = numbers(path, rows, len(heads), separator, _LARGEST)
         if skipped := next((at for at, (one, other) in enumerate(pairwise(table[:, 0])) if other - one != 1.0), None):
             raise Line(path, rows[skipped + 1][0], []).error("frames are missing before this one. Fetch it again.")

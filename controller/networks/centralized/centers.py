@@ -71,8 +71,7 @@ class HarmonicCenters:
 
 def pairs_at(frequency: Array, phase: Array, time: Array) -> Array:
     """The coordinates of harmonic centers at times (T,), shape (T, 2 n): cos, sin of each center in turn."""
-    turned = np.exp(1j * (np.multiply.outer(time, frequency) + phase))
-    return turned.view(np.float64)
+    return np.exp(1j * (np.multiply.outer(time, frequency) + phase)).view(np.float64)
 
 
 class Spring(Protocol):

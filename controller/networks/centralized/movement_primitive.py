@@ -71,8 +71,7 @@ class MovementPrimitive:
     def spread(self, phase: ArrayLike) -> Array:
         """The standard deviation of each channel at phases (T,), shape (T, D)."""
         phase = points(phase, "a phase", 0.0, 1.0)
-        deviations = self._deviations(phase)
-        variance = np.square(deviations).sum(0) + np.square(self.bend)
+        variance = np.square(self._deviations(phase)).sum(0) + np.square(self.bend)
         if len(self.via.phase):
             from scipy.linalg import cho_solve
 
@@ -130,8 +129,7 @@ class MovementPrimitive:
         at_via = self._deviations(via.phase)[:, np.arange(len(via.phase)), via.channel]
         together = np.einsum("itd,iv->tdv", self._deviations(phase), at_via)
         near = np.exp(-0.5 * np.square(np.subtract.outer(phase, via.phase) / REACH))
-        steps = np.arange(len(via.phase))
-        together[:, via.channel, steps] += near * np.square(self.bend[via.channel])
+        together[:, via.channel, np.arange(len(via.phase))] += near * np.square(self.bend[via.channel])
         return together
 
     @cached_property

@@ -30,8 +30,7 @@ class ModelFile(NamedTuple):
 
 def model_numbers(folder: Path | None = None) -> dict[str, int]:
     """The number of every model that the installed SDK has a table for, by model name."""
-    text = _read("dynamixel.model", folder)
-    rows = (line.split() for line in text.splitlines())
+    rows = (line.split() for line in _read("dynamixel.model", folder).splitlines())
     files = [(row[1].removesuffix(".model"), int(row[0])) for row in rows if len(row) == 2 and row[0].isdigit()]
     return {"XL-320" if stem == "xl320" else stem.upper().replace("_", "-"): number for stem, number in files}
 

@@ -116,5 +116,4 @@ def _plant(config: RigConfig, robot: str, root: str) -> JointPlant:
     from sim.robots.catalogue import find_robot
     from sim.robots.robot import load_robot
 
-    body = load_robot(find_robot(robot), JointBody.of(config.names))
-    return RigPlant(body, config.names, root)
+    return RigPlant(load_robot(find_robot(robot), JointBody.of(config.names)), config.names, root)

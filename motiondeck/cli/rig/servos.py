@@ -141,8 +141,7 @@ def import_calibration(
     from hardware.tools.rig_writing import save_rig
 
     _refuse_existing(out)
-    motors = read_calibration(calibration)
-    config, notes = imported(motors, _answering(port), lasting_name(port))
+    config, notes = imported(read_calibration(calibration), _answering(port), lasting_name(port))
     save_rig(config, out)
     if as_json:
         print(json.dumps({"written": str(out), "joints": list(config.names), "notes": notes}))

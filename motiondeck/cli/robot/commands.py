@@ -194,8 +194,7 @@ def tune_walk(
     from sim.robots.catalogue import find_robot
 
     check_seconds(seconds)
-    file = find_robot(robot)
-    report = tune(file, library, motion or ["walk"], seconds, rounds, Jobs.parse(jobs))
+    report = tune(find_robot(robot), library, motion or ["walk"], seconds, rounds, Jobs.parse(jobs))
     print(json.dumps(report) if as_json else report_text(report))
     if not report["stood"]:
         raise typer.Exit(1)

@@ -184,8 +184,7 @@ def guard(link: GuardLink[Request], begin: Begin) -> None:
             running.run()
         finally:
             left = running is not None and not running.closing
-            unconfirmed = rig.close(hold=left)
-            link.send(messages.RigClosed(unconfirmed))
+            link.send(messages.RigClosed(rig.close(hold=left)))
             if left and link.lost:
                 print(
                     "motiondeck: the deck has ended without closing its rig. The joints hold, with torque on; take it "

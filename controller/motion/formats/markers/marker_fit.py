@@ -287,8 +287,7 @@ class _Body:
             lever = np.zeros((frames, count, free, 3))
             for bone in range(len(self._skeleton)):
                 turn = self._turn[1 + bone]
-                hangs = np.flatnonzero(self._above[:, bone])
-                lever[:, hangs, turn] += bones[:, None, bone]
+                lever[:, np.flatnonzero(self._above[:, bone]), turn] += bones[:, None, bone]
             lever[:, np.arange(count), self._turn[self._bone]] += ride
             jacobian = np.zeros((frames, count, 3, 3 + 3 * free))
             jacobian[..., :3] = np.eye(3)
