@@ -21,14 +21,7 @@ Plays = Literal["loop", "once"]
 """Whether a motion repeats, or ends in a pose and holds it."""
 Up = Literal["y", "z"]  # the vertical axis of a file
 Step = Literal["people", "body", "unit", "up axis", "rate", "ground", "cuts", "kind", "ends"]
-_UNIT_NAMES = {
-    1.0: "m",
-    0.01: "cm",
-    0.001: "mm",
-    0.0254: "inches",
-    0.0254 / 0.45: "inches / 0.45 (CMU's)",
-    0.3048: "feet",
-}
+_UNITS = {1.0: "m", 0.01: "cm", 0.001: "mm", 0.0254: "inches", 0.0254 / 0.45: "inches / 0.45 (CMU's)", 0.3048: "feet"}
 UNITS = {"mm": 0.001, "cm": 0.01, "dm": 0.1, "m": 1.0, "in": 0.0254, "inch": 0.0254, "inches": 0.0254, "ft": 0.3048}
 """Names of units in marker files, m."""
 ANGLE_UNITS = {"deg": math.pi / 180.0, "rad": 1.0}
@@ -55,7 +48,7 @@ class Decision:
 
 def unit_name(unit: float) -> str:
     """The name of a unit of length in m."""
-    return _UNIT_NAMES.get(unit, f"{unit:g} m")
+    return _UNITS.get(unit, f"{unit:g} m")
 
 
 def unit_decision(unit: float, other: float | None, leg: float, given: float | None, fixed: float | None) -> Decision:

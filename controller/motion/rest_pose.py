@@ -18,18 +18,7 @@ from numpy.typing import NDArray
 
 from controller.motion.anatomy import SIDES, Anatomy, anatomy, named_anatomy
 from controller.motion.clip import Up
-from controller.motion.rotations import (
-    IDENTITY,
-    Array,
-    best_fit,
-    between,
-    conjugate,
-    cross,
-    multiply,
-    normalise,
-    rotate,
-    yaw,
-)
+from controller.motion.rotations import Array, best_fit, between, conjugate, cross, multiply, normalise, rotate, yaw
 from controller.motion.skeleton import ROOT, Skeleton
 from controller.motion.up_axis import AXES, TO_OURS, UPRIGHT, up_in_recording
 
@@ -85,7 +74,7 @@ class RestedBody(NamedTuple):
 
 def rest_skeleton(name: str, body: RecordedBody, unit: float | None = None, up: Up | None = None) -> RestedBody:
     """Skeleton and motion of a body with a bone or more; None detects the unit of length, m, or the vertical axis."""
-    zero = np.tile(IDENTITY, (1 + len(body.bones), 1))
+    zero = np.tile([1.0, 0.0, 0.0, 0.0], (1 + len(body.bones), 1))
     stances = [_stance(body, axis, zero) for axis in AXES]
     best = max(stances, key=lambda stance: stance.upright)
     stands = best.upright >= UPRIGHT
@@ -212,7 +201,7 @@ def _straightened(body: RecordedBody, stance: _Stance) -> _Stance:
     parts = stance.parts
     assert parts is not None
     vector = rotate(stance.turn[1:], body.vector)
-    more = np.tile(IDENTITY, (1 + len(vector), 1))  # additional rotation of each bone
+    more = np.tile([1.0, 0.0, 0.0, 0.0], (1 + len(vector), 1))  # additional rotation of each bone
     trunk = parts.all("trunk")
     spine = vector[trunk].sum(axis=0) if trunk else np.zeros(3)
     down, up = np.array([0.0, 0.0, -1.0]), np.array([0.0, 0.0, 1.0])

@@ -8,16 +8,8 @@ import time
 from collections.abc import Callable
 from typing import TypeVar
 
-from controller.wire.local_transport import (
-    FULL,
-    STOP_DOOR,
-    TURNED_AWAY,
-    PeerGoneError,
-    SocketError,
-    check_port,
-    command_folder,
-    read_datagram,
-)
+from controller.wire import local_transport as transport
+from controller.wire.local_transport import PeerGoneError, SocketError
 
 _STOP_PATIENCE = 0.2  # s that an emergency stop waits for room, at the door and then at the socket for commands
 _MOST_BYTES = 65536  # of a reply
@@ -51,12 +43,12 @@ class _Link:
                     self._attempt(connection.send, data)
                     return
                 except PeerGoneError:  # the deck has ended, is full, or needed the place for others
-                    self._end(connection, read_datagram(connection, _MOST_BYTES) == TURNED_AWAY)
+                    self._end(connection, transport.read_datagram(connection, _MOST_BYTES) == transport.TURNED_AWAY)
                 if before is None and (self._full or time.monotonic() >= until):
                     raise self.gone
 
     def _connect(self, patience: float) -> socket.socket:
-        path = command_folder() / self._name
+        path = transport.command_folder() / self._name
         fresh = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         # In a queue of programs that connect, only a call that blocks waits for its turn.
         fresh.setblocking(patience > 0.0)
@@ -84,9 +76,9 @@ class _Link:
         connection = self._socket
         if connection is None:
             return b""
-        data = read_datagram(connection, _MOST_BYTES)
-        if data is None or data == TURNED_AWAY:
-            self._end(connection, data == TURNED_AWAY)
+        data = transport.read_datagram(connection, _MOST_BYTES)
+        if data is None or data == transport.TURNED_AWAY:
+            self._end(connection, data == transport.TURNED_AWAY)
             return b""
         return data
 
@@ -99,7 +91,7 @@ class _Link:
     @property
     def gone(self) -> SocketError:
         if self._full:
-            return SocketError(FULL)
+            return SocketError(transport.FULL)
         return PeerGoneError(f"no deck is running on port {self._port}; start one with: motiondeck play")
 
     def close(self) -> None:
@@ -119,10 +111,10 @@ class LocalConnection:
 
     def __init__(self, port: int, patience: float) -> None:
         """For the deck of a number, which may keep a sender waiting `patience` s; SocketError if out of range."""
-        check_port(port)
+        transport.check_port(port)
         self._patience = patience
         self._ready = select.epoll()
-        self._commands, self._door = _Link(port, "", self._ready), _Link(port, STOP_DOOR, self._ready)
+        self._commands, self._door = _Link(port, "", self._ready), _Link(port, transport.STOP_DOOR, self._ready)
         self._awaited = 0  # replies from the door
 
     def send(self, data: bytes) -> None:

@@ -89,9 +89,7 @@ def _column(name: str, hint: Any, lists: Mapping[str, Sequence[str]]) -> _Column
 def _choice(name: str, names: Sequence[str]) -> _Column:
     places = {one: float(place) for place, one in enumerate(names)}
     return _Column(
-        {name: 1},
-        lambda value: [places.get(value, -1.0)],
-        lambda numbers: names[int(numbers[0])] if numbers[0] >= 0.0 else "",
+        {name: 1}, lambda v: [places.get(v, -1.0)], lambda numbers: names[int(numbers[0])] if numbers[0] >= 0.0 else ""
     )
 
 

@@ -39,12 +39,10 @@ class LearnOptions:
     """Options of `learn` apart from those of reading."""
 
     what: Annotated[
-        list[Path],
-        Argument(metavar="RECORDING...|RECIPE", help="Recordings in any format, folders of them, or a recipe (.toml)."),
+        list[Path], Argument(metavar="RECORDING...|RECIPE", help="Recordings, folders of them, or a recipe (.toml).")
     ]
     out: Annotated[
-        Path | None,
-        Option(metavar="FILE", help="The library to write (.safetensors); default: mine, or the recipe's name."),
+        Path | None, Option(metavar="FILE", help="The library (.safetensors); default: mine, or the recipe's name.")
     ] = None
     force: Annotated[bool, Option("--force", help="Replace the library and the recipe if they exist.")] = False
     data: Annotated[
@@ -64,19 +62,14 @@ class LearnOptions:
     ground: GroundOption = "auto"
     accept: Annotated[
         list[str] | None,
-        Option(
-            metavar="NAME",
-            help="Learn a recording in spite of doubts about its body; all; or upper-body: what has no legs.",
-        ),
+        Option(metavar="NAME", help="Learn a recording in spite of doubts about it; all; or upper-body: without legs."),
     ] = None
     plays: Annotated[
-        Literal["loop", "once"] | None,
-        Option("--as", help="How recordings play; default: each as its motion suggests."),
+        Literal["loop", "once"] | None, Option("--as", help="How recordings play; default: as each motion suggests.")
     ] = None
     whole: Annotated[bool, Option("--whole", help="Learn each recording as one motion, however long.")] = False
     tolerance: Annotated[
-        float | None,
-        Option(metavar="MM", min=0.01, help="Take the smallest network whose mean error is at most this, per motion."),
+        float | None, Option(metavar="MM", min=0.01, help="Take the smallest network with at most this mean error.")
     ] = None
 
 

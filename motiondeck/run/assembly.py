@@ -164,9 +164,7 @@ def _assemble(opening: ExitStack, stop: StopRequest, spec: RunSpec, played: Play
             deck.lock("beat" if spec.lock_to == "beat" else "body" if spec.lock_to == "body" else "deck")
     if isinstance(deck, Deck) and isinstance(played.source, MotionLibrary):
         groups = {
-            robot.prefix + name: [robot.prefix + one for one in group]
-            for robot in robots
-            for name, group in robot.groups.items()
+            r.prefix + name: [r.prefix + one for one in group] for r in robots for name, group in r.groups.items()
         }
         deck.layers = Layers(
             played.source,

@@ -6,20 +6,10 @@ import threading
 from collections.abc import Callable, Sequence
 
 from controller.wire.command_socket import CommandClient, SocketError
+from controller.wire.messages import replies
 from controller.wire.messages.arguments import CommandError, described
 from controller.wire.messages.command_table import BY_WORD, COMMANDS, parse_command
 from controller.wire.messages.commands import DeckCommand, GetStatus, GiveBeat, Subscribe
-from controller.wire.messages.replies import (
-    Accepted,
-    Event,
-    OnPorts,
-    PhaseNow,
-    Refused,
-    Registers,
-    Reply,
-    Settled,
-    State,
-)
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.near_names import did_you_mean
 
@@ -71,27 +61,27 @@ UNKNOWN = "not in the rig file"
 _STARTING = 5.0  # s that a deck may take from opening its port to answering
 
 
-def describe(reply: Reply) -> str:
+def describe(reply: replies.Reply) -> str:
     """A reply in one line; tables in several."""
     match reply:
-        case Accepted(after=after, via=via):
+        case replies.Accepted(after=after, via=via):
             return "accepted" + (f", after {after}" if after else "") + (f", by way of {', '.join(via)}" if via else "")
-        case Refused(reason=reason):
+        case replies.Refused(reason=reason):
             return f"refused: {reason}"
-        case Settled(to=to, seconds=seconds):
+        case replies.Settled(to=to, seconds=seconds):
             return f"settled on {to} after {seconds:.2f} s"
-        case Registers():
+        case replies.Registers():
             rows = (f"{row.address:>5}  {row.name:<28} {row.count:>11}  {row.meaning}" for row in reply.registers)
             return "\n".join([f"{reply.joint}, {reply.model}", *(row.rstrip() for row in rows)])
-        case OnPorts(servos=servos, missing=missing):
+        case replies.OnPorts(servos=servos, missing=missing):
             found = (f"id {o.servo:>3}  {o.model:<14} firmware {o.firmware:<3} {o.joint or UNKNOWN}" for o in servos)
             return "\n".join([*found, *(f"{joint} does not answer" for joint in missing)])
-        case Event(kind=kind, text=text):
+        case replies.Event(kind=kind, text=text):
             return f"{kind}: {text}"
-        case PhaseNow(motion=motion, phase=phase, rate=rate):
+        case replies.PhaseNow(motion=motion, phase=phase, rate=rate):
             at = f"at phase {phase:.3f}" if phase is not None else "without a phase"
             return f"{motion} {at}" + (f", {rate:+.3f} rounds a second" if rate is not None else "")
-        case State():
+        case replies.State():
             how = "paused" if reply.paused else f"at tempo {reply.tempo:.2f}"
             how += f", phase {reply.phase:.2f}" if reply.phase is not None else ""
             how += "".join(f", {name} {value:.3g}" for name, value in reply.inputs.items())
@@ -122,7 +112,7 @@ async def converse(client: CommandClient) -> None:
     from prompt_toolkit.patch_stdout import patch_stdout
 
     state = client.request(GetStatus(), _STARTING)
-    names = state.motions if isinstance(state, State) else []
+    names = state.motions if isinstance(state, replies.State) else []
     keys = KeyBindings()
 
     @keys.add("f2")
@@ -167,7 +157,7 @@ def listen_to(client: CommandClient, enough: Callable[[], bool]) -> None:
                 questions.add(client.post(GetStatus()))
             elif reply.id in questions:
                 questions.clear()
-            elif not isinstance(reply, Event) or reply.kind in _PRINTED:
+            elif not isinstance(reply, replies.Event) or reply.kind in _PRINTED:
                 print(describe(reply))
     except MotiondeckError:
         pass

@@ -158,11 +158,7 @@ class Conductor:
             self._seen.note_health(name, health)
             for stop in health.stops:  # some may have been given while another conductor ran, or none
                 self._note_stop(stop)
-        elif (
-            kind == "stop"
-            and (stop := messages.read(data, messages.EmergencyStopAll)) is not None
-            and self._note_stop(stop)
-        ):
+        elif kind == "stop" and (stop := messages.read(data, messages.EmergencyStopAll)) and self._note_stop(stop):
             self._link.publish("stop", data)
 
     def stop_at(self, deck: SeenDeck) -> messages.StopAt:

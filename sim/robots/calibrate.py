@@ -178,9 +178,9 @@ def calibrate(path: Path, packages: Mapping[str, Path] | None = None, bends: Col
         )
     there = limb_directions(limbs)
     missed = {
-        name: float(np.arccos(np.clip(there[row] @ stand[row], -1.0, 1.0)))
-        for row, name in enumerate(LIMBS)
-        if there[row].any()
+        name: float(np.arccos(np.clip(there[k] @ stand[k], -1.0, 1.0)))
+        for k, name in enumerate(LIMBS)
+        if there[k].any()
     }
     tall = float((limbs.surface.positions(limbs.data)[:, 2] + limbs.surface.radius).max() + height)
     if upper_body:

@@ -87,10 +87,7 @@ class LimbDirections:
     def errors(self, qpos: Array, limbs: Array) -> dict[str, tuple[float, float]]:
         """Mean and worst angle to a human's limbs (T, 16, 3) by segment ("r_thigh"), degrees, for qpos (T, nq)."""
         degrees = self.degrees(qpos, limbs)
-        return {
-            segment.name: (float(degrees[:, k].mean()), float(degrees[:, k].max()))
-            for k, segment in enumerate(self.segments)
-        }
+        return {s.name: (float(degrees[:, k].mean()), float(degrees[:, k].max())) for k, s in enumerate(self.segments)}
 
     def degrees(self, qpos: Array, limbs: Array) -> Array:
         """The same for each frame and segment, shape (T, K), degrees."""

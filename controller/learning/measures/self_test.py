@@ -86,21 +86,15 @@ def after_disturbance(network: FrameNetwork, judge: Judge, motion: str, run: Arr
 class Judge:
     """Judges whether a run is the intended motion, by comparing it with all motions.
 
-    `references` are the frames that each motion was learned from, shape (T_j, channels), at `rate` Hz, loops as one
+    `known` are the frames that each motion was learned from, shape (T_j, channels), at `rate` Hz, loops as one
     period; `loops` says which are loops, `holds` whether a one-shot was taught to hold its end.
     """
 
     def __init__(
-        self,
-        encoding: Encoding,
-        references: Mapping[str, Array],
-        loops: dict[str, bool],
-        rate: float,
-        *,
-        holds: bool = True,
+        self, encoding: Encoding, known: Mapping[str, Array], loops: dict[str, bool], rate: float, *, holds: bool = True
     ) -> None:
         self.encoding, self.loops, self.rate, self.holds = encoding, loops, rate, holds
-        self._references, self._names = references, list(references)
+        self._references, self._names = known, list(known)
         self._latest = "", np.empty(0)
 
     def features(self, motion: str) -> Array:

@@ -14,15 +14,8 @@ import numpy as np
 from controller.learning.measures.disturbance import Kind, failures
 from controller.learning.measures.self_test import Judge
 from controller.learning.preparation.training_motion import Lessons, TrainingMotion
-from controller.learning.reservoirs.conceptor_training import (
-    ConceptorRecipe,
-    LoadedReservoir,
-    conceptor_motion,
-    conceptor_network,
-    cut_to_tolerance,
-    mean_state,
-    principal_directions,
-)
+from controller.learning.reservoirs import conceptor_training
+from controller.learning.reservoirs.conceptor_training import ConceptorRecipe, LoadedReservoir
 from controller.motion.rotations import Array
 from controller.networks.conceptor.network import ConceptorNetwork
 
@@ -41,7 +34,7 @@ def settled_network(
     """The network of a loaded reservoir, and the failed trials of each motion if the recipe chooses apertures."""
     # A motion that fails a trial gets the first aperture with which it passes all, else that with the fewest failures.
     # Then all are cut to the rank that the recipe's tolerance allows, if it has one, and tested again.
-    network = conceptor_network(loaded, lessons, recipe)
+    network = conceptor_training.conceptor_network(loaded, lessons, recipe)
     failed: dict[str, int] = {}
     weights = loaded.weights.astype(np.float32)
 
@@ -51,7 +44,7 @@ def settled_network(
     for motion, states in zip(lessons.motions, loaded.states, strict=True) if recipe.choose_apertures else ():
         name, fewest = motion.name, failures_of(network, motion)
         for aperture in [] if name in recipe.apertures or fewest == 0 else by_attenuation(states, loaded, recipe):
-            part = conceptor_motion(states, loaded, lessons.normalisation, recipe, aperture)
+            part = conceptor_training.conceptor_motion(states, loaded, lessons.normalisation, recipe, aperture)
             tried = network.with_motions({name: part})
             if (failing := failures_of(tried, motion)) < fewest:
                 fewest, network = failing, tried
@@ -59,7 +52,7 @@ def settled_network(
                 break
         failed[name] = fewest
     if recipe.rank_tolerance_mm is not None:
-        network = cut_to_tolerance(network, judge.encoding, recipe.rank_tolerance_mm)
+        network = conceptor_training.cut_to_tolerance(network, judge.encoding, recipe.rank_tolerance_mm)
         if failed:
             # The trials were those of the uncut conceptors.
             failed = {motion.name: failures_of(network, motion) for motion in lessons.motions}
@@ -73,8 +66,8 @@ def by_attenuation(states: Array, loaded: LoadedReservoir, recipe: ConceptorReci
 
 def attenuations(states: Array, loaded: LoadedReservoir, recipe: ConceptorRecipe) -> Array:
     """The attenuation of a motion with states (T, N) at each of APERTURES, all running side by side."""
-    mean = mean_state(states, recipe)
-    values, directions = principal_directions(states - mean, recipe.rank)
+    mean = conceptor_training.mean_state(states, recipe)
+    values, directions = conceptor_training.principal_directions(states - mean, recipe.rank)
     singular = (values / (values + np.array(APERTURES)[:, None] ** -2)).astype(np.float32)
     ahead, back = (loaded.weights @ directions).T.astype(np.float32), directions.astype(np.float32)
     bias, centre = (loaded.weights @ mean + loaded.reservoir.bias).astype(np.float32), mean.astype(np.float32)

@@ -51,14 +51,10 @@ class SafetyEnvelope:
         inset = np.minimum(1e-10, 0.5 * (limits.upper - limits.lower))  # insets keep rounding inside the limits
         inside = 1.0 - 1e-9
         lower, upper = limits.lower + inset, limits.upper - inset
-        rates = (
-            limits.velocity * (inside * dt),
-            limits.acceleration * (inside * dt**2),
-            limits.jerk * (inside * dt**3),
-        )
+        most = (limits.velocity * (inside * dt), limits.acceleration * (inside * dt**2), limits.jerk * (inside * dt**3))
         self._bounds: list[Bounds] = [
             (v_max, a_max, j_max, low, high, longest_run(v_max, a_max, a_max, j_max))
-            for v_max, a_max, j_max, low, high in np.transpose([*rates, lower, upper]).tolist()
+            for v_max, a_max, j_max, low, high in np.transpose([*most, lower, upper]).tolist()
         ]
         joints = len(self._bounds)
         # Of each joint position, velocity, acceleration, the goal before, its velocity, and whether it moves like that.

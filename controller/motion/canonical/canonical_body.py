@@ -23,18 +23,7 @@ from numpy.typing import NDArray
 from controller.motion.anatomy import SIDES, Anatomy, Part, Side, anatomy, leg_without_name
 from controller.motion.bone_names import THESIS_LIMBS
 from controller.motion.clip import Clip
-from controller.motion.rotations import (
-    IDENTITY,
-    Array,
-    between,
-    conjugate,
-    continuous,
-    dot,
-    multiply,
-    normalise,
-    rotate,
-    yaw,
-)
+from controller.motion.rotations import Array, between, conjugate, continuous, dot, multiply, normalise, rotate, yaw
 from controller.motion.skeleton import JAEGER_BONES, JAEGER_PARENT, JAEGER_REST, Pose, Skeleton, thesis_skeleton
 from controller.motion.upper_body import ACCEPTED, lacks_legs
 from motiondeck_base.errors import FileFormatError
@@ -320,7 +309,7 @@ def _from_canonical(clip: Clip, skeleton: Skeleton) -> Clip:
 def _rest_places(skeleton: Skeleton, marks: Landmarks, recorded: Array | None = None) -> tuple[Array, Array]:
     """Positions of root and landmarks in the rest pose, (20, 3), and directions of the canonical bones, (19, 3)."""
     # The guess of a rest pose may bend the rigid pelvis: a recorded frame (1, 1 + B, 4) straightens it.
-    rotation = np.tile(IDENTITY, (1, 1 + len(skeleton), 1))
+    rotation = np.tile([1.0, 0.0, 0.0, 0.0], (1, 1 + len(skeleton), 1))
     joints = [marks.joint["lhip"], marks.joint["rhip"], *([] if marks.root is None else [marks.root])]
     if recorded is not None:
         pelvis = [0, *(1 + bone for at in joints if at for bone in np.flatnonzero(skeleton.chain[at - 1]))]

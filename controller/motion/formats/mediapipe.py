@@ -86,11 +86,7 @@ def _wide(heads: list[str]) -> Columns:
         if landmark >= 0:
             found.setdefault((bool(part[1] or part[6]), landmark), {})[part[3] or part[4]] = column
     for world in (True, False):
-        whole = {
-            of: [axes[axis] for axis in "xyz"]
-            for (is_world, of), axes in found.items()
-            if (is_world, len(axes)) == (world, 3)
-        }
+        whole = {of: [axes[a] for a in "xyz"] for (kind, of), axes in found.items() if (kind, len(axes)) == (world, 3)}
         if len(whole) >= _LEAST:
             return whole
     return {}

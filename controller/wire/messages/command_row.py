@@ -20,7 +20,7 @@ USES: dict[Use, str] = {
     "cue": "a show",
     "script": "a timeline file",
     "film": "a film",
-    "replay": "the replay of a recording",
+    "replay": "a replay",
 }
 """Where a command may be used besides live, and how errors name it."""
 

@@ -35,11 +35,7 @@ _EXCEPTIONS: dict[str, dict[str, int]] = {
     "MX-64(1.0)": {"max_voltage_limit": 240},
 }
 # The most that a register takes, where that is not as in the table; the MX-64 comes with more than its page allows.
-_MOST = {
-    "AX-12W": {"temperature_limit": 99},
-    "AX-18A": {"temperature_limit": 99},
-    "MX-64(1.0)": {"max_voltage_limit": 240},
-}
+_MOST = {m: {"temperature_limit": 99} for m in ("AX-12W", "AX-18A")} | {"MX-64(1.0)": {"max_voltage_limit": 240}}
 _LACKS = {"MX-28(1.0)": ("drive_mode", "current", "torque_control_mode", "goal_torque"), "MX-64(1.0)": ("drive_mode",)}
 
 

@@ -67,7 +67,7 @@ def convert(
     file: FileArgument,
     out: Annotated[
         Path,
-        Argument(metavar="OUT", help="OUT.bvh, .csv for positions, .c3d with --fill; joints OUT.clip, .csv or .npz."),
+        Argument(metavar="OUT", help="OUT.bvh, .csv (positions), .c3d with --fill; joints OUT.clip, .csv or .npz."),
     ],
     reading: Reading,
     begin: Annotated[float, Option("--from", metavar="SECONDS", help="Where the piece to write begins.")] = 0.0,

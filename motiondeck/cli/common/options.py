@@ -29,15 +29,10 @@ SizeOption = Annotated[
 FpsOption = Annotated[float | None, of_film(metavar="FPS", help="Frames per second of the film; default: 30, gif 20.")]
 CameraOption = Annotated[Literal["follow", "front", "side", "three"], of_film(help="Camera; three: all side by side.")]
 SolverOption = Annotated[
-    Literal["angles", "ik"] | None,
-    _of_simulation(help="How to carry motions onto the robot; without it, as its file says."),
+    Literal["angles", "ik"] | None, _of_simulation(help="How motions are carried onto the robot; default: by its file.")
 ]
 JobsOption = Annotated[
-    str,
-    Option(
-        metavar="N|dask://HOST:PORT",
-        help="Parallel processes, -1 for one per core; or the scheduler of a Dask cluster.",
-    ),
+    str, Option(metavar="N|dask://HOST:PORT", help="Parallel processes, -1 for one per core; or a Dask scheduler.")
 ]
 RootOption = Annotated[
     Literal["gantry", "fixed", "free"],
@@ -49,7 +44,7 @@ PagePortOption = Annotated[int, Option(metavar="PORT", help="The page's port; 0 
 GroundOption = Annotated[str, Option(metavar="METRES", help="The floor's height; auto: by the feet; none: leave it.")]
 SkeletonOption = Annotated[
     Path | None,
-    Option(metavar="FILE", help="The .asf of an .amc, the body model of an .npz; or one of several people in a file."),
+    Option(metavar="FILE", help="An .amc's .asf, an .npz's body model; or one of several people in a file."),
 ]
 
 
@@ -59,13 +54,11 @@ class Reading:
 
     skeleton: SkeletonOption = None
     unit: Annotated[
-        str | None,
-        Option(metavar="METRES|deg|rad", help="Length of one unit of the file, m, or deg or rad; default: detected."),
+        str | None, Option(metavar="METRES|deg|rad", help="Length of a unit, m, or deg or rad; default: detected.")
     ] = None
     up: Annotated[Literal["y", "z"] | None, Option(help="The axis of the file that is up; default: detected.")] = None
     rename: Annotated[
-        list[str] | None,
-        Option(metavar="OLD=NEW", help="Another name for a joint, such as bone12=LeftUpLeg; repeatable."),
+        list[str] | None, Option(metavar="OLD=NEW", help="Another name for a joint, as bone12=LeftUpLeg; repeatable.")
     ] = None
 
     def options(self) -> ReadingOptions:

@@ -102,8 +102,7 @@ def events(
     host: Host = None,
     token_file: TokenFile = None,
     heartbeat: Annotated[
-        float | None,
-        Option(metavar="SECONDS", help="Pause the deck when it has not heard from this program for so long, s."),
+        float | None, Option(metavar="SECONDS", help="Pause the deck after so long without a sign of this program, s.")
     ] = None,
     as_json: Annotated[bool, Option("--json", help="One JSON object a line.")] = False,
 ) -> None:

@@ -28,9 +28,7 @@ _HOW = (
 
 
 def calibrate(
-    rig: RigArgument,
-    out: Annotated[Path, Option(metavar="FILE", help="The rig file to write.")],
-    port: PortOption = None,
+    rig: RigArgument, out: Annotated[Path, Option(metavar="FILE", help="The rig file.")], port: PortOption = None
 ) -> None:
     """Measure joint ranges by hand, and write a rig file.
 

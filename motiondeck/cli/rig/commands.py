@@ -172,9 +172,7 @@ def _draw(rows: list[dict[str, object]], hz: float) -> None:
 
 
 def backup(
-    rig: RigArgument,
-    out: Annotated[Path, Option(metavar="FILE", help="The file to write (JSON).")],
-    port: PortOption = None,
+    rig: RigArgument, out: Annotated[Path, Option(metavar="FILE", help="The file (JSON).")], port: PortOption = None
 ) -> None:
     """Save the control table of every servo.
 
@@ -195,9 +193,7 @@ def backup(
 
 
 def restore(
-    rig: RigArgument,
-    file: Annotated[Path, Argument(metavar="FILE", help="A file of `rig backup`.")],
-    port: PortOption = None,
+    rig: RigArgument, file: Annotated[Path, Argument(metavar="FILE", help="A `rig backup`.")], port: PortOption = None
 ) -> None:
     """Write a backup into the servos.
 

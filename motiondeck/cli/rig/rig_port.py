@@ -16,8 +16,7 @@ if TYPE_CHECKING:
 
 RigArgument = Annotated[str, Argument(metavar="RIG", help="A rig file (.toml), or a shipped one by its name.")]
 PortOption = Annotated[
-    list[str] | None,
-    Option(metavar="PORT", help="Serial port instead of the rig file's own; for a rig with several, each in order."),
+    list[str] | None, Option(metavar="PORT", help="Serial port instead of the rig file's; of several, each in order.")
 ]
 
 

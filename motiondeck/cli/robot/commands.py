@@ -77,8 +77,7 @@ def show(robot: RobotArgument, as_json: JsonOption = False) -> None:
     limits = loaded.limits
     figures = {"lower": limits.lower, "upper": limits.upper, "velocity": limits.velocity, "rest": loaded.rest}
     joints: list[dict[str, Any]] = [
-        {"name": name} | {key: float(values[place]) for key, values in figures.items()}
-        for place, name in enumerate(loaded.joints)
+        {"name": name} | {key: float(own[k]) for key, own in figures.items()} for k, name in enumerate(loaded.joints)
     ]
     report = {
         "name": file.name,

@@ -104,10 +104,7 @@ class RigOutput:
         from hardware.rig.supervision.servo_states import CONDITIONS
         from motiondeck.page.web.page_state import RigDescription, ServoDescription
 
-        servos = [
-            ServoDescription(one.name, one.id, one.model, one.lower, one.upper, one.hottest)
-            for one in self.rig.config.joints
-        ]
+        servos = [ServoDescription(s.name, s.id, s.model, s.lower, s.upper, s.hottest) for s in self.rig.config.joints]
         return RigDescription(list(CONDITIONS), self._hz, servos)
 
     def switch(self, joint: str, *, on: bool) -> None:

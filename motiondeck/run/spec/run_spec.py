@@ -84,9 +84,7 @@ class RunSpec:
     )
     _: KW_ONLY
     robot: File | None = option(
-        None,
-        "A robot file or a name (`robot list --catalogue`); default: with --rig its own joints, else the mannequin.",
-        "ROBOT",
+        None, "A robot file or a name (`robot list`); default: with --rig its own joints, else the mannequin.", "ROBOT"
     )
     solver: Literal["angles", "ik"] | None = option(
         None, "Retargeting solver; default: as the robot's file says.", panel=_SIMULATION
@@ -128,10 +126,7 @@ class RunSpec:
     )
     recognize: bool = option(False, "Recognize the motion from the measured joints, and show it.", panel=_RECOGNITION)
     recognizer: File | None = option(
-        None,
-        "Recognize the played motion with a trained recognizer (`recognize train`), and show it.",
-        "FILE",
-        _RECOGNITION,
+        None, "Recognize the played motion with a recognizer (`recognize train`), and show it.", "FILE", _RECOGNITION
     )
     on_mismatch: Literal["warn", "stop"] = option(
         "warn", "With --recognize: warn or stop when the joints show another motion.", panel=_RECOGNITION

@@ -254,7 +254,7 @@ def test_a_recorded_deck_can_be_paused_and_played_slowly_but_not_switched():
     run, stop = CommandedRun(deck), StopRequest()
     for refused in (Switch("jog"), Queue("jog"), Blend("walk", "jog", 0.5), Jump(0.5), GiveBeat(), Unlock()):
         reply = run.carry_out(refused, stop, remote=False).reply
-        assert reply.reason.startswith(f"'{refused.row.word}' is not for the replay of a recording, which takes: tempo")
+        assert reply.reason.startswith(f"'{refused.row.word}' is not for a replay, which takes: tempo")
     assert isinstance(run.carry_out(SetTempo(1.0), stop, remote=False).reply, Accepted)
     with pytest.raises(MotiondeckError, match="empty"):
         RecordedDeck(recorded(0))
