@@ -16,20 +16,9 @@ from controller.wire.messages import commands
 from controller.wire.messages.commands import DeckCommand
 from motiondeck.export.c_folder import SOURCES
 from motiondeck.export.figure import Figure, words_of
-from motiondeck.export.golden import Script, Trace
+from motiondeck.export.golden import Script, Trace, spelled
 
 SANITIZED = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-g")
-KINDS = {
-    commands.Switch: "s",
-    commands.Queue: "q",
-    commands.SetTempo: "t",
-    commands.Jump: "j",
-    commands.Pause: "p",
-    commands.Resume: "g",
-    commands.EmergencyStop: "e",
-    commands.Reset: "r",
-    commands.Heartbeat: "h",
-}
 
 
 class CPlayer:
@@ -47,31 +36,13 @@ class CPlayer:
         self._figure.write_bytes(figure.words)
         names, joints = figure.library.network.motions, len(figure.rest)
         start = "n" if measured is None else f"a {' '.join(f'{angle:.9g}' for angle in measured)}"
-        text = "\n".join([start, *(f"{tick} {spelled(command, names)}" for tick, command in script)])
+        text = "\n".join([start, *(" ".join(map(str, (tick, *spelled(command, names)))) for tick, command in script)])
         done = subprocess.run([self._program, self._figure, str(ticks)], input=text.encode(), capture_output=True)
         if done.returncode:
             raise RuntimeError(done.stderr.decode())
         size = ticks * 2 * joints * 4
         both = np.frombuffer(done.stdout[:size], dtype="<f4").reshape(ticks, 2, joints).astype(float)
         return Trace(both[:, 0], both[:, 1], [bool(one) for one in done.stdout[size:]])
-
-
-def spelled(command: DeckCommand, names: Sequence[str]) -> str:
-    """A command as `_replay.c` reads it."""
-    kind = KINDS[type(command)]
-    match command:
-        case commands.Switch(to=to, direct=direct):
-            return f"{kind} {names.index(to)} {int(direct)} 0"
-        case commands.Queue(to=to):
-            return f"{kind} {names.index(to)} 0 0"
-        case commands.SetTempo(factor=factor, over=over):
-            return f"{kind} 0 {factor} {over}"
-        case commands.Jump(phase=phase):
-            return f"{kind} 0 {phase} 0"
-        case commands.Heartbeat(within=within):
-            return f"{kind} 0 {within} 0"
-        case _:
-            return f"{kind} 0 0 0"
 
 
 def random_script(names: Sequence[str], ticks: int, rng: Random, every: float = 40.0) -> list[tuple[int, DeckCommand]]:

@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 from typer import Option
 
 from motiondeck.cli.common.options import JsonOption
 from motiondeck.cli.library import LibraryArgument
-
-if TYPE_CHECKING:
-    pass
 
 
 def export(
@@ -39,20 +36,13 @@ def export(
 
     figure = open_figure(library, robot, rig, [name.strip() for name in motions.split(",") if name.strip()])
     write_c(figure, out)
-    rows = [
-        {
-            "motion": name,
-            "bytes": size,
-            "rms_mrad": 1e3 * figure.error[name][0],
-            "largest_mrad": 1e3 * figure.error[name][1],
-        }
-        for name, size in figure.bytes_of.items()
-    ]
+    rows = [(name, size, *figure.error[name]) for name, size in figure.bytes_of.items()]
     if as_json:
-        print(json.dumps({"target": target, "folder": str(out), "bytes": len(figure.words), "motions": rows}))
+        sizes = [{"motion": name, "bytes": size, "rms_rad": rms, "largest_rad": most} for name, size, rms, most in rows]
+        print(json.dumps({"target": target, "folder": str(out), "bytes": len(figure.words), "motions": sizes}))
         return
     show_table(
         ("motion", "bytes", "off by (rms)", "at most"),
-        [(r["motion"], str(r["bytes"]), f"{r['rms_mrad']:.2f} mrad", f"{r['largest_mrad']:.2f} mrad") for r in rows],
+        [(name, str(size), f"{1e3 * rms:.2f} mrad", f"{1e3 * most:.2f} mrad") for name, size, rms, most in rows],
     )
     print(f"{out}: {len(figure.words)} bytes, {len(figure.rest)} joints. `make -C {out}` replays a trace of the deck.")

@@ -3,14 +3,15 @@
 from collections.abc import Iterable
 from pathlib import Path
 
-from controller.wire.messages.commands import DeckCommand, EmergencyStop, Jump, Pause, Queue, Resume, SetTempo, Switch
+import numpy as np
+
 from motiondeck.export.figure import Figure
-from motiondeck.export.golden import EVERY, LASTS, deck_trace, golden_script
+from motiondeck.export.golden import EVERY, LASTS, deck_trace, golden_script, spelled
 from motiondeck_base.files import write_file
 
 _HERE = Path(__file__).parent
-SOURCES = [*(_HERE / name for name in ("player.c", "player.h", "selftest.c", "Makefile"))]
-SOURCES += [_HERE.parents[1] / "controller" / "loop" / "safety" / "envelope.c"]
+SOURCES = [_HERE / name for name in ("player.c", "player.h", "selftest.c", "Makefile")]
+SOURCES.append(_HERE.parents[1] / "controller" / "loop" / "safety" / "envelope.c")
 
 
 def write_c(figure: Figure, folder: Path) -> None:
@@ -19,39 +20,17 @@ def write_c(figure: Figure, folder: Path) -> None:
     for source in SOURCES:
         write_file(folder / source.name, source.read_bytes())
     write_file(folder / "figure.bin", figure.words)
-    words = (int.from_bytes(figure.words[at : at + 4], "little") for at in range(0, len(figure.words), 4))
-    joints = f"#define FIGURE_JOINTS {len(figure.rest)}\n"
-    declared = "#include <stdint.h>\nstatic const uint32_t figure[] = {\n" + _lines(f"0x{word:08x}u" for word in words)
-    write_file(folder / "figure.h", f"/* {figure.library.info.name}: see player.h */\n{joints}{declared}".encode())
-    write_file(folder / "golden.h", _golden(figure).encode())
-
-
-def _golden(figure: Figure) -> str:
-    names = list(figure.library.network.motions)
+    words = _lines(f"0x{word:08x}u" for word in np.frombuffer(figure.words, "<u4"))
+    head = f"/* {figure.library.info.name} */\n#define FIGURE_JOINTS {len(figure.rest)}\n#include <stdint.h>\n"
+    write_file(folder / "figure.h", f"{head}static const uint32_t figure[] = {{\n{words}".encode())
+    names = figure.library.network.motions
     script = golden_script(names)
-    targets = deck_trace(figure, script, LASTS).targets[::EVERY]
-    rows = [f"{{{tick}, {_call(command, names)}}}" for tick, command in script]
-    return (
-        f"/* What the deck plays: angles before the limits, rad. */\n#define GOLDEN_TICKS {LASTS}\n"
-        f"#define GOLDEN_EVERY {EVERY}\nstatic const golden_command golden_commands[] = {{\n{_lines(rows)}"
-        f"static const float golden_angles[] = {{\n{_lines(f'{value:.6f}f' for value in targets.ravel())}"
-    )
-
-
-def _call(command: DeckCommand, names: list[str]) -> str:
-    match command:
-        case Switch(to=to, direct=direct):
-            return f"GOLDEN_SWITCH, {names.index(to)}, {float(direct)}f"
-        case Queue(to=to):
-            return f"GOLDEN_QUEUE, {names.index(to)}, 0.0f"
-        case SetTempo(factor=factor, over=over):
-            return f"GOLDEN_TEMPO, {round(1000 * over)}, {factor:.6f}f"
-        case Jump(phase=phase):
-            return f"GOLDEN_JUMP, 0, {phase:.6f}f"
-        case Pause() | Resume() | EmergencyStop():
-            return f"GOLDEN_{type(command).__name__.upper()}, 0, 0.0f"
-        case _:
-            raise ValueError(f"no golden trace has {command}")
+    calls = [(tick, *spelled(command, names)) for tick, command in script]
+    rows = _lines(f"{{{tick}, '{kind}', {motion}, {value}f, {other}f}}" for tick, kind, motion, value, other in calls)
+    angles = _lines(f"{angle:.6f}f" for angle in deck_trace(figure, script, LASTS).targets[::EVERY].ravel())
+    head = f"/* What the deck plays, rad */\n#define GOLDEN_TICKS {LASTS}\n#define GOLDEN_EVERY {EVERY}\n"
+    given = f"static const golden_command golden_commands[] = {{\n{rows}"
+    write_file(folder / "golden.h", f"{head}{given}static const float golden_angles[] = {{\n{angles}".encode())
 
 
 def _lines(values: Iterable[str]) -> str:

@@ -5,7 +5,7 @@ What a phase-driven network plays is a function of its phase. A figure has that 
 the motions: where they may be entered, how fast they are, which lie between two others. The root of a baked motion is
 left out; only its joints are played, and only they are compared and limited where motions are joined.
 
-    0 "MDP1", 1 number of words, 2 FNV-1a of the words after it, 3 joints, 4 motions, 5 ticks and 6 frames a second,
+    0 "MDP1", 1 number of words, 2 CRC-32 of the words after it, 3 joints, 4 motions, 5 ticks and 6 frames a second,
     7 limits, 8 motions, 9 ways, 10 names (offsets in words)
 
 Words have 32 bits, lowest byte first. Rows of limits and motions are `EnvelopeLimits` of `envelope.c`, per tick, and
@@ -13,10 +13,9 @@ Words have 32 bits, lowest byte first. Rows of limits and motions are `EnvelopeL
 column's; names end in 0, joints first.
 """
 
-# ruff: noqa: D102 (`base.Network` documents the methods of a network)
-
 from __future__ import annotations
 
+import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -33,7 +32,6 @@ from controller.loop.safety.safety_envelope import check_limits
 from controller.motion.encodings.joint_angles import JointAngles, JointBody
 from controller.motion.encodings.robot_joints import RobotBody
 from controller.motion.rotations import Array
-from controller.networks.base import Channels
 from controller.networks.clip.network import ClipPlayer
 from controller.networks.keys import FEWEST_KEYS, MOST_BITS, STEPS_PER_BIT, Keys
 from motiondeck_base.errors import MotiondeckError
@@ -42,27 +40,9 @@ MOST_BYTES = 8192  # of the keys of a motion
 FARTHEST = 0.005  # rad, of a joint in a figure from where its network has it
 MOST_JOINTS, MOST_RATE = 64, 200.0
 _HEADER = 11  # words
-
-
-class CarriedNetwork(ClipPlayer):
-    """The frames of a figure; its anchors are as far apart as those of the network that it was made from."""
-
-    every = 1
-
-    def twin(self, runs: int | None = None) -> CarriedNetwork:
-        twin = super().twin(runs)
-        twin.every = self.every
-        return twin
-
-    def anchors(self, motion: str) -> Channels:
-        return super().anchors(motion)[:: self.every]
-
-    def cue(self, motion: str, anchor: int) -> None:
-        super().cue(motion, anchor * self.every)
-
-    def seek(self, motion: str, phase: float) -> None:
-        super().seek(motion, phase)
-        self._at //= self.every
+_MOTION = np.dtype(
+    [(f"whole{n}", "<u4") for n in range(9)] + [(f"real{n}", "<f4") for n in range(6)] + [("name", "<u4")]
+)  # md_motion
 
 
 @dataclass(frozen=True)
@@ -90,20 +70,19 @@ def figure_of(
 
     Joints without motion stay at `rest` (J,), rad. MotiondeckError where the library cannot be exported, and why.
     """
-    for name in motions:
+    names = [*dict.fromkeys(motions)] or library.network.motions
+    for name in names:
         library.network[name]  # UnknownNameError
-    chosen = [one for one in library.info.motions if not motions or one.name in motions]
+    chosen = sorted((one for one in library.info.motions if one.name in names), key=lambda one: names.index(one.name))
     if not library.skeleton.is_rig:
         raise MotiondeckError("its motions are those of a human; bake it for a robot: motiondeck library bake")
     if library.network.as_phase_network is None:
-        raise MotiondeckError(
-            f"a network of the kind {library.info.network} runs by itself; one with a phase is needed"
-        )
+        raise MotiondeckError(f"a {library.info.network} network runs by itself; one with a phase is needed")
     if driven := [one.name for one in chosen if one.input is not None]:
         raise MotiondeckError(f"{driven[0]} has an input besides its phase; leave it out with --motions")
     if not 1.0 <= rate <= MOST_RATE or len(joints) > MOST_JOINTS:
         raise MotiondeckError(
-            f"{len(joints)} joints at {rate:g} Hz; a figure has up to {MOST_JOINTS}, {MOST_RATE:g} Hz"
+            f"{len(joints)} joints at {rate:g} Hz; at most {MOST_JOINTS} and {MOST_RATE:g} Hz are played"
         )
     check_limits(limits)
     bones = library.skeleton.robot_joints if isinstance(library.skeleton, RobotBody) else library.skeleton.bones
@@ -118,7 +97,7 @@ def figure_of(
         keys[one.name], off = _keys(one.name, frames, loop=one.plays == "loop")
         error[one.name] = float(np.sqrt(np.square(off).mean())), float(np.abs(off).max())
     loops = {one.name: one.plays == "loop" for one in chosen}
-    network = CarriedNetwork.of_keys(keys, {one.name: one.frames for one in chosen}, loops)
+    network = ClipPlayer.of_keys(keys, {one.name: one.frames for one in chosen}, loops)
     network.every = -(-chosen[0].frames // len(library.network.anchors(chosen[0].name)))
     encoding = JointAngles(JointBody.of(joints))
     info = msgspec.structs.replace(
@@ -145,36 +124,30 @@ def _keys(name: str, frames: Array, *, loop: bool) -> tuple[Keys, Array]:
 
 
 def words_of(library: MotionLibrary, limits: JointLimits, rate: float) -> bytes:
-    """The words of a library with a `CarriedNetwork`, for ticks at a rate in Hz."""
+    """The words of a library of keys, for ticks at a rate in Hz."""
     network, motions = library.network, read_motions(library)
-    assert isinstance(network, CarriedNetwork), "made above"
+    assert isinstance(network, ClipPlayer), "made above"
     names, joints, routes = list(motions), library.encoding.skeleton.bones, Routes.of(library)
-    ways = [[names.index((*routes.way(one, other), other)[0]) for other in names] for one in names]
-    parts = [_limit_rows(limits, 1.0 / rate), b"", bytes(np.array(ways, dtype=np.uint8).ravel()), b""]
-    offsets = dict[str, int]()
-    for name in (*joints, *names):
-        offsets[name] = len(parts[3])
-        parts[3] += name.encode() + b"\0"
-    at = _HEADER + sum(_padded(len(part)) for part in parts) // 4 + len(names) * 16
-    tables = list[bytes]()
-    for name, motion in motions.items():
+    ways = [names.index((*routes.way(one, other), other)[0]) for one in names for other in names]
+    texts = [name.encode() + b"\0" for name in (*joints, *names)]
+    parts = [_limit_rows(limits, 1.0 / rate), bytes(len(names) * _MOTION.itemsize), bytes(ways), b"".join(texts)]
+    for name in names:
+        table = np.zeros((len(network.keys[name].counted), _even(len(joints))), dtype="<i2")
+        table[:, : len(joints)] = network.keys[name].counted
+        parts.append(table.tobytes())
+    parts = [part + bytes(-len(part) % 4) for part in parts]
+    starts = np.cumsum([_HEADER, *(len(part) // 4 for part in parts)])[:-1]
+    rows = list[tuple[object, ...]]()
+    for at, (number, (name, one)) in zip(starts[4:], enumerate(motions.items(), len(joints)), strict=True):
         keys, frames = network.keys[name], len(network[name])
-        table = np.zeros((keys.counted.shape[0], _even(len(joints))), dtype="<i2")
-        table[:, : len(joints)] = keys.counted
-        steps = frames if motion.loop else frames - 1
-        whole = [at, len(table), frames, frames - int(keys.course[1]), int(motion.loop), steps]
-        whole += [network.every, len(motion.course), len(motion.places)]
-        real = [keys.unit, motion.spacing, motion.seconds, motion.whole, motion.speed, motion.acceleration]
-        parts[1] += np.array(whole, "<u4").tobytes() + np.array(real, "<f4").tobytes()
-        parts[1] += np.array([offsets[name]], "<u4").tobytes()
-        tables.append(table.tobytes())
-        at += _padded(table.nbytes) // 4
-    starts = np.cumsum([_HEADER, *(_padded(len(part)) // 4 for part in parts)])[:-1]
-    body = b"".join(part + bytes(_padded(len(part)) - len(part)) for part in (*parts, *tables))
+        steps = frames if one.loop else frames - 1
+        whole = at, len(keys.counted), frames, frames - int(keys.course[1]), one.loop, steps, network.every
+        real = keys.unit, one.spacing, one.seconds, one.whole, one.speed, one.acceleration
+        rows.append((*whole, len(one.course), len(one.places), *real, len(b"".join(texts[:number]))))
+    parts[1] = np.array(rows, _MOTION).tobytes()
     head = np.array([len(joints), len(names)], "<u4").tobytes() + np.array([rate, library.info.rate], "<f4").tobytes()
-    head += np.array(starts, "<u4").tobytes()
-    total = np.array([3 + (len(head) + len(body)) // 4], "<u4").tobytes()
-    return b"MDP1" + total + np.array([_fnv(head + body)], "<u4").tobytes() + head + body
+    body = head + starts[:4].astype("<u4").tobytes() + b"".join(parts)
+    return b"MDP1" + np.array([3 + len(body) // 4, zlib.crc32(body)], "<u4").tobytes() + body
 
 
 def _limit_rows(limits: JointLimits, dt: float) -> bytes:
@@ -189,16 +162,5 @@ def _limit_rows(limits: JointLimits, dt: float) -> bytes:
     return np.column_stack([v, a, j, limits.lower + inset, limits.upper - inset, way]).astype("<f4").tobytes()
 
 
-def _fnv(data: bytes) -> int:
-    total = 2166136261
-    for byte in data:
-        total = (total ^ byte) * 16777619 & 0xFFFFFFFF
-    return total
-
-
 def _even(count: int) -> int:
     return count + count % 2
-
-
-def _padded(size: int) -> int:
-    return -(-size // 4) * 4

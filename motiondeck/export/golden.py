@@ -12,7 +12,18 @@ from controller.loop.safety.compiled_envelope import safety_envelope
 from controller.loop.stop_requests import StopRequest
 from controller.motion.encodings.joint_angles import JointRetargeter
 from controller.motion.rotations import Array
-from controller.wire.messages.commands import DeckCommand, EmergencyStop, Jump, Pause, Queue, Resume, SetTempo, Switch
+from controller.wire.messages.commands import (
+    DeckCommand,
+    EmergencyStop,
+    Heartbeat,
+    Jump,
+    Pause,
+    Queue,
+    Reset,
+    Resume,
+    SetTempo,
+    Switch,
+)
 from controller.wire.messages.replies import Accepted
 from motiondeck.export.figure import Figure
 
@@ -55,23 +66,30 @@ def deck_trace(figure: Figure, script: Script, ticks: int, measured: Array | Non
     return Trace(targets, safe, accepted)
 
 
-def golden_script(motions: Sequence[str]) -> list[tuple[int, DeckCommand]]:
-    """Commands of every kind, to be given within LASTS ticks; no angle after them depends on where joints were held."""
-    one, other, last = motions[1 % len(motions)], motions[2 % len(motions)], motions[-1]
-    return [
-        (60, Switch(to=one)),
-        (150, SetTempo(factor=1.5, over=0.3)),
-        (200, Switch(to=last, direct=True)),
-        (215, Switch(to=other, direct=True)),
-        (300, SetTempo(factor=-0.8)),
-        (400, Jump(phase=0.4)),
-        (470, Pause()),
-        (500, Switch(to=motions[0], direct=True)),
-        (560, Resume()),
-        (570, SetTempo(factor=1.0)),
-        (600, Queue(to=other)),
-        (1100, EmergencyStop()),
-    ]
+def golden_script(names: Sequence[str]) -> list[tuple[int, DeckCommand]]:
+    """Commands of every kind, within LASTS ticks; no angle after them depends on where joints were held."""
+    one, other, last = names[1 % len(names)], names[2 % len(names)], names[-1]
+    first: list[DeckCommand] = [Switch(to=one), SetTempo(factor=1.5, over=0.3), Switch(to=last, direct=True)]
+    then = [Switch(to=other, direct=True), SetTempo(factor=-0.8), Jump(phase=0.4), Pause(), Switch(to=names[0])]
+    given = [*first, *then, Resume(), SetTempo(factor=1.0), Queue(to=other), EmergencyStop()]
+    return list(zip((60, 150, 200, 215, 300, 400, 470, 500, 560, 570, 600, 1100), given, strict=True))
 
 
 LASTS, EVERY = 1200, 12  # ticks of the golden trace; each EVERY-th is kept
+_KINDS = {Switch: "s", Queue: "q", SetTempo: "t", Jump: "j", Pause: "p", Resume: "g", EmergencyStop: "e", Reset: "r"}
+
+
+def spelled(command: DeckCommand, names: Sequence[str]) -> tuple[str, int, float, float]:
+    """A command for a player in C: its letter, the motion, and two numbers."""
+    kind = _KINDS.get(type(command), "h")
+    match command:
+        case Switch(to=to, direct=direct):
+            return kind, names.index(to), float(direct), 0.0
+        case Queue(to=to):
+            return kind, names.index(to), 0.0, 0.0
+        case SetTempo(factor=factor, over=over):
+            return kind, 0, factor, over
+        case Jump(phase=value) | Heartbeat(within=value):
+            return kind, 0, value, 0.0
+        case _:
+            return kind, 0, 0.0, 0.0

@@ -51,12 +51,14 @@ static int next_on_way(const md_player *p, int from, int to) {
   return ((const uint8_t *)(p->figure + p->figure[WAYS]))[from * (int)p->figure[MOTIONS] + to];
 }
 
-/* FNV-1a over the words after the sum itself. */
+/* CRC-32 over the words after the sum itself. */
 static uint32_t sum_of(const uint32_t *figure) {
-  uint32_t sum = 2166136261u;
-  for (uint32_t word = CHECKSUM + 1; word < figure[WORDS]; word++)
-    for (int shift = 0; shift < 32; shift += 8) sum = (sum ^ (figure[word] >> shift & 255u)) * 16777619u;
-  return sum;
+  uint32_t sum = 0xFFFFFFFFu;
+  for (uint32_t word = CHECKSUM + 1; word < figure[WORDS]; word++) {
+    sum ^= figure[word];
+    for (int bit = 0; bit < 32; bit++) sum = sum >> 1 ^ (sum & 1u ? 0xEDB88320u : 0u);
+  }
+  return ~sum;
 }
 
 int md_joints(const uint32_t *figure) { return (int)figure[JOINTS]; }

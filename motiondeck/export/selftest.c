@@ -9,15 +9,11 @@
 
 #include "player.h"
 
-typedef enum {
-  GOLDEN_SWITCH, GOLDEN_QUEUE, GOLDEN_TEMPO, GOLDEN_JUMP, GOLDEN_PAUSE, GOLDEN_RESUME, GOLDEN_EMERGENCYSTOP
-} golden_kind;
-
 typedef struct {
   int tick;
-  golden_kind kind;
-  int motion; /* or for the tempo the time in which it is reached, ms */
-  float value;
+  char kind;
+  int motion;
+  float value, other;
 } golden_command;
 
 #include "figure.h"
@@ -29,13 +25,12 @@ static md_player player;
 
 static int give(const golden_command *c) {
   switch (c->kind) {
-    case GOLDEN_SWITCH: return md_switch(&player, c->motion, c->value != 0.0f);
-    case GOLDEN_QUEUE: return md_queue(&player, c->motion);
-    case GOLDEN_TEMPO: return md_tempo(&player, c->value, 0.001f * (float)c->motion);
-    case GOLDEN_JUMP: return md_jump(&player, c->value);
-    case GOLDEN_PAUSE: return md_pause(&player);
-    case GOLDEN_RESUME: return md_resume(&player);
-    case GOLDEN_EMERGENCYSTOP: break;
+    case 's': return md_switch(&player, c->motion, c->value != 0.0f);
+    case 'q': return md_queue(&player, c->motion);
+    case 't': return md_tempo(&player, c->value, c->other);
+    case 'j': return md_jump(&player, c->value);
+    case 'p': return md_pause(&player);
+    case 'g': return md_resume(&player);
   }
   md_stop(&player);
   return 0;

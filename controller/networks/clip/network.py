@@ -24,6 +24,7 @@ class ClipPlayer(Network[Frames]):
 
     kind = "clip"
     pace = 1.0
+    every = 1  # frames from anchor to anchor
 
     def __init__(
         self, frames: Mapping[str, NDArray[np.floating]], loops: Mapping[str, bool], runs: tuple[int, ...] = ()
@@ -43,7 +44,7 @@ class ClipPlayer(Network[Frames]):
 
     def twin(self, runs: int | None = None) -> Self:
         twin = type(self)(self._of, self.loops, lead_shape(runs))
-        twin.keys = self.keys
+        twin.keys, twin.every = self.keys, self.every
         return twin
 
     @property
@@ -58,14 +59,14 @@ class ClipPlayer(Network[Frames]):
         raise MotiondeckError(f"there is no input '{name}': recorded frames have none")
 
     def anchors(self, motion: str) -> Channels:
-        return self[motion].astype(np.float64)
+        return self[motion][:: self.every].astype(np.float64)
 
     def period(self, motion: str) -> int:
         return len(self[motion])
 
     def cue(self, motion: str, anchor: int) -> None:
         self._playing = self[motion]
-        self._motion, self._at = motion, anchor
+        self._motion, self._at = motion, anchor * self.every
 
     @property
     def phase(self) -> float:
@@ -75,7 +76,8 @@ class ClipPlayer(Network[Frames]):
 
     def seek(self, motion: str, phase: float) -> None:
         frames = len(self[motion])
-        self.cue(motion, round(phase * frames) % frames if self.loops[motion] else round(phase * (frames - 1)))
+        self.cue(motion, 0)
+        self._at = round(phase * frames) % frames if self.loops[motion] else round(phase * (frames - 1))
 
     def advance(self, out: Channels, noise: Activation | None = None) -> None:
         self._go(1, out)
@@ -87,7 +89,8 @@ class ClipPlayer(Network[Frames]):
         return self._motion, self._at
 
     def restore(self, snapshot: tuple[str, int]) -> None:
-        self.cue(*snapshot)
+        self.cue(snapshot[0], 0)
+        self._at = snapshot[1]
 
     def noise_size(self, motion: str) -> int:
         return 0

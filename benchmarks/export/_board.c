@@ -1,0 +1,86 @@
+/* Counts the instructions of a player's ticks on an emulated Cortex-M, by SysTick under `-icount shift=0`.
+
+   One SysTick is 40 instructions there. Ticks are of three kinds: a motion plays, a fade runs, a motion is entered. */
+#include "player.h"
+
+#include "figure.h"
+
+#define SYSTICK ((volatile uint32_t *)0xE000E010u)
+#define STACK_BYTES 16384
+#define INSTRUCTIONS 40u
+#define PAINT 0xA5A5A5A5u
+
+extern uint32_t bss_begin[], bss_end[], data_from[], data_begin[], data_end[], stack_top[];
+static md_player player;
+
+static int call(int operation, const void *argument) {
+  register int r0 __asm__("r0") = operation;
+  register const void *r1 __asm__("r1") = argument;
+  __asm__ volatile("bkpt 0xab" : "+r"(r0) : "r"(r1) : "memory");
+  return r0;
+}
+static void write_number(const char *name, uint32_t value) {
+  char text[12], *at = text + 11;
+  *at = 0, *--at = '\n';
+  do *--at = (char)('0' + value % 10u);
+  while (value /= 10u);
+  call(4, name), call(4, " "), call(4, at);
+}
+
+static uint32_t step(void) {
+  uint32_t before = SYSTICK[2];
+  md_step(&player);
+  return ((before - SYSTICK[2]) & 0xFFFFFFu) * INSTRUCTIONS;
+}
+
+static void run(void) {
+  uint64_t sum[2] = {0, 0};
+  uint32_t count[2] = {0, 0}, worst[3] = {0, 0, 0};
+  md_begin(&player, figure, 0);
+  for (int from = 0; from < md_motions(figure); from++)
+    for (int to = 0; to < md_motions(figure); to++) {
+      md_switch(&player, to, 1);
+      for (int tick = 0; tick < 90; tick++) {
+        int fading = player.fading;
+        uint32_t cost = step();
+        int kind = tick == 0 ? 2 : fading;
+        worst[kind] = cost > worst[kind] ? cost : worst[kind];
+        if (kind < 2) sum[kind] += cost, count[kind]++;
+      }
+    }
+  write_number("playing", (uint32_t)(sum[0] / count[0]));
+  write_number("playing_worst", worst[0]);
+  write_number("fading", (uint32_t)(sum[1] / count[1]));
+  write_number("fading_worst", worst[1]);
+  write_number("entering_worst", worst[2]);
+}
+
+int main(void) {
+  uint32_t *bottom = stack_top - STACK_BYTES / 4, *at = bottom;
+  while (at < (uint32_t *)__builtin_frame_address(0) - 64) *at++ = PAINT;
+  SYSTICK[1] = 0xFFFFFFu, SYSTICK[2] = 0, SYSTICK[0] = 5;
+  uint32_t before = SYSTICK[2];
+  for (uint32_t turn = 10000; turn; turn--) __asm__ volatile("nop\n nop\n nop\n nop\n nop\n nop\n");
+  write_number("calibration", ((before - SYSTICK[2]) & 0xFFFFFFu) * INSTRUCTIONS);
+  run();
+  for (at = bottom; *at == PAINT;) at++;
+  write_number("stack", (uint32_t)((char *)stack_top - (char *)at));
+  write_number("player", sizeof player);
+  call(0x18, (void *)0x20026);
+  for (;;) {
+  }
+}
+
+void reset(void) {
+#ifdef __ARM_FP
+  *(volatile uint32_t *)0xE000ED88u |= 0xFu << 20;
+#endif
+  for (uint32_t *from = data_from, *to = data_begin; to < data_end;) *to++ = *from++;
+  for (uint32_t *to = bss_begin; to < bss_end;) *to++ = 0;
+  main();
+}
+__attribute__((section(".vectors"), used)) static void *const vectors[] = {stack_top, (void *)reset, (void *)reset, (void *)reset};
+int *__errno(void) {
+  static int number;
+  return &number;
+}

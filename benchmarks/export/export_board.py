@@ -1,0 +1,79 @@
+"""What an exported player costs on Cortex-M: instructions a tick, flash, RAM.
+
+Compiled by arm-none-eabi-gcc and run by qemu-system-arm (both of Debian), which counts instructions; never on a board.
+"""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+import tempfile
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from benchmarks.command import run
+from motiondeck.export.c_folder import write_c
+from motiondeck.export.figure import Figure
+from motiondeck.export.source import open_figure
+
+HERE = Path(__file__).parent
+CORES = {  # flags of the compiler, and the machine that runs it
+    "M4F": ("-mcpu=cortex-m4 -mfpu=fpv4-sp-d16 -mfloat-abi=hard", "mps2-an386"),
+    "M3": ("-mcpu=cortex-m3", "mps2-an385"),
+    "M0+": ("-mcpu=cortex-m0plus", "mps2-an385"),  # an M3 runs its instructions
+}
+
+
+def measured(figure: Figure, core: str, folder: Path) -> dict[str, int]:
+    """Instructions, stack and sizes in bytes of a figure's player on a core."""
+    write_c(figure, folder)
+    for name in ("_board.c", "_board.ld"):
+        shutil.copy(HERE / name, folder)
+    flags, machine = CORES[core]
+    joints = f"-DMD_MOST_JOINTS={len(figure.rest)}"
+    common = ["arm-none-eabi-gcc", *flags.split(), "-mthumb", "-std=gnu99", "-O2", "-ffp-contract=off", joints]
+    common += ["-ffunction-sections", "-fdata-sections"]
+    objects = ["player.c", "_board.c", "-T", "_board.ld", "-nostartfiles", "-Wl,--gc-sections", "-lm", "-lc", "-lgcc"]
+    subprocess.run([*common, *objects, "-o", "board.elf"], cwd=folder, check=True)
+    sizes = subprocess.run(["arm-none-eabi-size", "board.elf"], cwd=folder, check=True, capture_output=True, text=True)
+    text = int(sizes.stdout.splitlines()[1].split()[0])
+    words = [
+        "qemu-system-arm",
+        "-M",
+        machine,
+        "-nographic",
+        "-semihosting",
+        "-icount",
+        "shift=0",
+        "-kernel",
+        "board.elf",
+    ]
+    done = subprocess.run(
+        [*words, "-kernel", "board.elf"], cwd=folder, check=True, capture_output=True, text=True, timeout=900
+    )
+    found = {name: int(value) for name, value in re.findall(r"^(\w+) (\d+)$", done.stdout + done.stderr, re.MULTILINE)}
+    return found | {"code": text - len(figure.words), "ram": found["player"] + found["stack"]}
+
+
+def main(
+    figures: Annotated[list[str] | None, typer.Argument(help="Libraries and robots, as thesis15:servo20.")] = None,
+    motions: Annotated[str, typer.Option(help="Some of their motions, with commas between.")] = "",
+    cores: Annotated[str, typer.Option(help="Which cores, with commas between.")] = ",".join(CORES),
+) -> None:
+    """Measures players on emulated cores."""
+    for name in figures or ["thesis15:servo20", "cmu86:servo20"]:
+        library, _, robot = name.partition(":")
+        figure = open_figure(library, robot, None, [one for one in motions.split(",") if one])
+        largest = max(figure.bytes_of.values())
+        print(f"{name}: {len(figure.rest)} joints, {len(figure.words)} bytes, a motion at most {largest}")
+        for core in cores.split(","):
+            with tempfile.TemporaryDirectory() as folder:
+                found = measured(figure, core, Path(folder))
+            print(f"  {core}: " + ", ".join(f"{key} {value}" for key, value in found.items()))
+
+
+if __name__ == "__main__":
+    run("export_board", main)
