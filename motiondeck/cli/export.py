@@ -1,4 +1,4 @@
-"""`motiondeck export`: a library as a folder of C for a microcontroller."""
+"""`motiondeck export`: a library as a folder of C for a microcontroller, or as a page for a browser."""
 
 from __future__ import annotations
 
@@ -19,14 +19,15 @@ def export(
     rig: Annotated[str | None, Option(metavar="RIG", help="The rig whose joints and limits it has.")] = None,
     motions: Annotated[str, Option(metavar="NAME,NAME", help="The motions; the first one begins; default: all.")] = "",
     target: Annotated[
-        Literal["c"], Option("--for", help="What it is for: C99 without heap or operating system.")
+        Literal["c", "web"], Option("--for", help="C99 without heap or operating system, or a page for any browser.")
     ] = "c",
     as_json: JsonOption = False,
 ) -> None:
-    """Write a player in C for a microcontroller, with its motions.
+    """Write a player in C, or a page that plays it, with motions.
 
     The library is baked for the robot, or was taught to the rig. The player switches, fades, keeps tempo, limits and
-    the emergency stop as the deck does. The folder builds as it is: `make` replays a golden trace of the deck.
+    the emergency stop as the deck does. The folder builds as it is: `make` replays a golden trace of the deck. A page
+    shows the robot; any file server serves it.
 
     Example:  motiondeck export thesis15 --robot servo20 --motions walk,jog,waltz --for c --out figure
     """
@@ -34,8 +35,10 @@ def export(
     from motiondeck.export.c_folder import write_c
     from motiondeck.export.source import open_figure
 
-    figure = open_figure(library, robot, rig, [name.strip() for name in motions.split(",") if name.strip()])
-    write_c(figure, out)
+    names = [name.strip() for name in motions.split(",") if name.strip()]
+    figure = open_figure(library, robot, rig, names, out if target == "web" else None)
+    if target == "c":
+        write_c(figure, out)
     rows = [(name, size, *figure.error[name]) for name, size in figure.bytes_of.items()]
     if as_json:
         sizes = [{"motion": name, "bytes": size, "rms_rad": rms, "largest_rad": most} for name, size, rms, most in rows]
@@ -45,4 +48,5 @@ def export(
         ("motion", "bytes", "off by (rms)", "at most"),
         [(name, str(size), f"{1e3 * rms:.2f} mrad", f"{1e3 * most:.2f} mrad") for name, size, rms, most in rows],
     )
-    print(f"{out}: {len(figure.words)} bytes, {len(figure.rest)} joints. `make -C {out}` replays a trace of the deck.")
+    then = f"`make -C {out}` replays a trace of the deck" if target == "c" else f"open {out / 'index.html'}"
+    print(f"{out}: {len(figure.words)} bytes of motions; {then}.")

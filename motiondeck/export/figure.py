@@ -30,7 +30,7 @@ from controller.library.motion_library import MotionLibrary
 from controller.loop.safety.braking import longest_run
 from controller.loop.safety.safety_envelope import check_limits
 from controller.motion.encodings.joint_angles import JointAngles, JointBody
-from controller.motion.encodings.robot_joints import RobotBody
+from controller.motion.encodings.robot_joints import ROOT, RobotBody
 from controller.motion.rotations import Array
 from controller.networks.clip.network import ClipPlayer
 from controller.networks.keys import FEWEST_KEYS, MOST_BITS, STEPS_PER_BIT, Keys
@@ -68,7 +68,8 @@ def figure_of(
 ) -> Figure:
     """The figure of some motions of a library, or all, for the joints of a robot and ticks at a rate in Hz.
 
-    Joints without motion stay at `rest` (J,), rad. MotiondeckError where the library cannot be exported, and why.
+    Joints without motion stay at `rest` (J,), rad. A baked root is played if the joints end in those of ROOT.
+    MotiondeckError where the library cannot be exported, and why.
     """
     names = [*dict.fromkeys(motions)] or library.network.motions
     for name in names:
@@ -85,16 +86,22 @@ def figure_of(
             f"{len(joints)} joints at {rate:g} Hz; at most {MOST_JOINTS} and {MOST_RATE:g} Hz are played"
         )
     check_limits(limits)
-    bones = library.skeleton.robot_joints if isinstance(library.skeleton, RobotBody) else library.skeleton.bones
+    stored = library.encoding
+    assert isinstance(stored, JointAngles), "as every rig's"
+    rooted, bones = tuple(joints[-len(ROOT) :]) == ROOT, library.skeleton.bones
+    if isinstance(library.skeleton, RobotBody) and not rooted:
+        bones = library.skeleton.robot_joints
     if missing := [bone for bone in bones if bone not in joints]:
         raise MotiondeckError(f"the library moves {missing[0]}, which is no joint there; it has {', '.join(joints)}")
     order = [joints.index(bone) for bone in bones]
+    most = MOST_BYTES // (2 * _even(len(joints) - rooted * len(ROOT)))  # keys of a motion
     keys, error = dict[str, Keys](), dict[str, tuple[float, float]]()
     for one in chosen:
         settled = library.network.settled(one.name)
         frames = np.tile(rest, (one.frames, 1))
-        frames[:, order] = (library.network.anchors(one.name) if settled is None else settled)[:, : len(order)]
-        keys[one.name], off = _keys(one.name, frames, loop=one.plays == "loop")
+        played = stored.scale * (library.network.anchors(one.name) if settled is None else settled)
+        frames[:, order] = played[:, : len(order)]
+        keys[one.name], off = _keys(one.name, frames, most, loop=one.plays == "loop")
         error[one.name] = float(np.sqrt(np.square(off).mean())), float(np.abs(off).max())
     loops = {one.name: one.plays == "loop" for one in chosen}
     network = ClipPlayer.of_keys(keys, {one.name: one.frames for one in chosen}, loops)
@@ -108,10 +115,9 @@ def figure_of(
     return Figure(carried, words_of(carried, limits, rate), limits, rest, rate, sizes, error)
 
 
-def _keys(name: str, frames: Array, *, loop: bool) -> tuple[Keys, Array]:
-    """The keys of a motion's frames (T, J), and by how much they miss these, rad."""
+def _keys(name: str, frames: Array, most: int, *, loop: bool) -> tuple[Keys, Array]:
+    """At most `most` keys of a motion's frames (T, J), and by how much they miss these, rad."""
     held = held_frames(frames, loop=loop)
-    most = MOST_BYTES // (2 * _even(frames.shape[1]))
     every = max(1.0, (len(frames) - held) / (most - 2))
     keys = Keys.of(fitted_keys(frames, every, loop=loop), held, MOST_BITS * STEPS_PER_BIT)
     off = keys.drawn(len(frames), loop=loop) - frames

@@ -79,8 +79,8 @@ class SolidBatch:
     opacity: float  # of all copies, 0 to 1
 
 
-def batches(model: mujoco.MjModel) -> dict[str, SolidBatch]:
-    """What is to be drawn of a model, by shape and opacity; floors and other planes are left out."""
+def batches(model: mujoco.MjModel, most: int = MOST_TRIANGLES) -> dict[str, SolidBatch]:
+    """What is to be drawn of a model, by shape and opacity, each mesh with at most `most` triangles; no floors."""
     copies: dict[tuple[str, float], list[tuple[int, list[float], list[float]]]] = {}
     meshes = _primitives().copy()
 
@@ -111,7 +111,7 @@ def batches(model: mujoco.MjModel) -> dict[str, SolidBatch]:
                 face, faces = model.mesh_faceadr[mesh], model.mesh_facenum[mesh]
                 vertices = model.mesh_vert[first : first + count].astype(np.float32)
                 drawn = vertices, model.mesh_face[face : face + faces].astype(np.uint32)
-                meshes[f"mesh{mesh}"] = creased(thinned(drawn, MOST_TRIANGLES)), thinned(drawn, MOST_IN_SHADOW)
+                meshes[f"mesh{mesh}"] = creased(thinned(drawn, most)), thinned(drawn, MOST_IN_SHADOW)
                 add(f"mesh{mesh}", geom, [1.0, 1.0, 1.0])
     return {
         shape if opacity == 1.0 else f"{shape} {opacity:g}": SolidBatch(

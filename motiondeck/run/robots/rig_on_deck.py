@@ -19,7 +19,7 @@ from controller.motion.encodings.joint_angles import JointRetargeter
 from controller.motion.rotations import Array
 from controller.motion.skeleton import Pose, Skeleton
 from controller.wire.run_recording import RunRecording
-from hardware.rig.rig_file import RigConfig, load_rig
+from hardware.rig.rig_file import load_rig
 from motiondeck.run.guard.guarded_rig import GuardedRig, guard_process
 from motiondeck.run.robots.rig_output import RigOutput, open_rig
 from motiondeck.run.spec.run_spec import RunSpec, is_emulated, options
@@ -85,15 +85,10 @@ def open_rig_alone(
 def robot_of(file: Path, skeleton: Skeleton) -> Robot:
     """The robot of a rig file for motions of a skeleton; MotiondeckError if these or its model do not fit."""
     config = load_rig(file)
-    model = Path(config.model) if config.model else None
-    return rig_robot(file, config.names, rig_limits(config), model, skeleton)
-
-
-def rig_limits(config: RigConfig) -> JointLimits:
-    """The limits of the joints of a rig file."""
     lower, upper, velocity = np.array([(one.lower, one.upper, one.velocity) for one in config.joints]).T.copy()
     acceleration = np.array([joint.acceleration or _ACCELERATION for joint in config.joints])
-    return JointLimits(lower, upper, velocity, acceleration, acceleration / _RISE)
+    limits = JointLimits(lower, upper, velocity, acceleration, acceleration / _RISE)
+    return rig_robot(file, config.names, limits, Path(config.model) if config.model else None, skeleton)
 
 
 def recorded_deck(clip: Clip, retarget: Retargeter) -> RecordedDeck:

@@ -1,0 +1,158 @@
+// The player: the C player of a figure as WebAssembly, one tick after another, in the time of the page.
+// Joints named "root ..." say how the root of a robot goes: see controller/motion/encodings/robot_joints.py.
+const ROOT = ["turn", "forward", "sideways", "height", "ahead x", "ahead y", "ahead z", "left x", "left y", "left z"];
+const LIGHT = 0.01; // what rates of the root's path are multiplied with as angles
+
+motiondeck.load = async (figure) => {
+  const { module } = await WebAssembly.instantiate(motiondeck.bytes(motiondeck.wasm));
+  return new motiondeck.Player(module, motiondeck.bytes(figure.words), figure.start);
+};
+
+motiondeck.Player = class {
+  #c;
+  #at;
+  #figure;
+  #due = 0; // s that have passed since the last tick
+  #way; // where among the joints those of the root are
+  #heading = 0;
+  #root; // place and turn, at the last tick
+  #last; // joints and root at the tick before
+
+  // Of a compiled module, a figure's words as bytes, and where its root stands: a place, m, and a quaternion.
+  constructor(module, words, start) {
+    this.#c = new WebAssembly.Instance(module).exports;
+    const { memory, __heap_base, md_size, md_rate, md_joints, md_motions } = this.#c;
+    const even = (at) => 16 * Math.ceil(at / 16);
+    this.#at = even(__heap_base.value);
+    this.#figure = even(this.#at + md_size());
+    const lacking = this.#figure + words.byteLength - memory.buffer.byteLength;
+    if (lacking > 0) memory.grow(Math.ceil(lacking / 65536));
+    new Uint8Array(memory.buffer).set(new Uint8Array(words), this.#figure);
+    if (this.#ask("begin", this.#figure, 0) < 0) throw new Error("the figure is damaged");
+    this.tick = 1 / md_rate(this.#figure); // s
+    this.joints = this.#names("joint", md_joints(this.#figure));
+    this.motions = this.#names("motion", md_motions(this.#figure));
+    this.waiting = []; // the motions that have been queued
+    this.paused = false;
+    this.#way = ROOT.map((name) => this.joints.indexOf(`root ${name}`));
+    this.#root = [start.slice(0, 3), start.slice(3)];
+    if (this.#way[0] >= 0) this.#root[0] = [0, 0, 0];
+    this.step();
+    this.#last = [this.targets, this.#root];
+  }
+
+  #names(kind, count) {
+    const letters = new Uint8Array(this.#c.memory.buffer);
+    return Array.from({ length: count }, (_, number) => {
+      const first = this.#c[`md_${kind}_name`](this.#figure, number);
+      return new TextDecoder().decode(letters.subarray(first, letters.indexOf(0, first)));
+    });
+  }
+
+  // The answer of a function of player.h that takes the player.
+  #ask(name, ...given) {
+    return this.#c[`md_${name}`](this.#at, ...given);
+  }
+
+  // Plays one tick; the joints' targets, rad.
+  step() {
+    this.#last = [this.targets, this.#root];
+    this.targets = new Float32Array(this.#c.memory.buffer, this.#ask("step"), this.joints.length).slice();
+    if (this.#way[0] >= 0) this.#walk(this.#way.map((joint) => this.targets[joint]));
+    this.waiting.splice(0, this.waiting.length - this.#ask("queued"));
+    return this.targets;
+  }
+
+  #walk([turn, forward, sideways, height, ...axes]) {
+    const passed = this.mode === "playing" ? (this.#ask("present_tempo") * this.tick) / LIGHT : 0;
+    this.#heading += passed * turn;
+    const [cosine, sine] = [Math.cos(this.#heading), Math.sin(this.#heading)];
+    const [x, y] = this.#root[0];
+    const place = [x + passed * (cosine * forward - sine * sideways), y + passed * (sine * forward + cosine * sideways), height];
+    const heading = [Math.cos(this.#heading / 2), 0, 0, Math.sin(this.#heading / 2)];
+    this.#root = [place, times(heading, standing(axes.slice(0, 3), axes.slice(3)))];
+  }
+
+  // Lets time pass, s.
+  advance(seconds) {
+    for (this.#due += seconds; this.#due >= this.tick; this.#due -= this.tick) this.step();
+  }
+
+  // The joints, rad, and the root's place and turn, at the moment of a picture, which lies between the last two ticks.
+  get posture() {
+    const between = (first, second) => first.map((value, k) => value + (this.#due / this.tick) * (second[k] - value));
+    const [targets, [place, turn]] = this.#last;
+    const [there, facing] = this.#root;
+    const near = turn.reduce((sum, part, k) => sum + part * facing[k], 0) < 0 ? turn.map((part) => -part) : turn;
+    return [between(targets, this.targets), [between(place, there), unit(between(near, facing))]];
+  }
+
+  get mode() {
+    return ["playing", "approaching", "held", "stopped"][this.#ask("mode")]; // as MD_PLAYING and so on of player.h
+  }
+  get playing() {
+    return this.#ask("playing");
+  }
+  get next() {
+    return this.#ask("going_to");
+  }
+  get phase() {
+    return this.#ask("phase");
+  }
+
+  // Commands, as `motiondeck send` has them; the answer is 0, or negative if it cannot be done now.
+  switch(motion, direct = false) {
+    return this.#play("switch", motion, direct) || ((this.waiting = []), 0);
+  }
+  queue(motion) {
+    return this.#play("queue", motion) || (this.waiting.push(motion), 0);
+  }
+  // A motion ends being held, but not a pause.
+  #play(name, ...given) {
+    const held = this.mode === "held";
+    const answer = this.#ask(name, ...given);
+    if (held && answer === 0) this.paused = false;
+    return answer;
+  }
+  tempo(factor) {
+    return this.#ask("tempo", factor, 0);
+  }
+  jump(phase) {
+    return this.#ask("jump", phase);
+  }
+  pause() {
+    const answer = this.#ask("pause");
+    if (answer === 0) this.paused = true;
+    return answer;
+  }
+  resume() {
+    const answer = this.#ask("resume");
+    if (answer === 0) this.paused = false;
+    return answer;
+  }
+  stop() {
+    this.#ask("stop");
+    this.paused = true;
+  }
+  reset() {
+    return this.#ask("reset");
+  }
+};
+
+// The rotation whose forward axis has the first direction, and whose left axis lies towards the second.
+function standing(ahead, left) {
+  const a = unit(ahead);
+  const along = a.reduce((sum, part, k) => sum + part * left[k], 0);
+  const l = unit(plus(left, a, -along));
+  const u = [a[1] * l[2] - a[2] * l[1], a[2] * l[0] - a[0] * l[2], a[0] * l[1] - a[1] * l[0]];
+  // Of the four ways to take a quaternion from a matrix the one that divides by its largest part.
+  const parts = [1 + a[0] + l[1] + u[2], 1 + a[0] - l[1] - u[2], 1 - a[0] + l[1] - u[2], 1 - a[0] - l[1] + u[2]];
+  const largest = parts.indexOf(Math.max(...parts));
+  const rows = [
+    [parts[0], l[2] - u[1], u[0] - a[2], a[1] - l[0]],
+    [l[2] - u[1], parts[1], l[0] + a[1], u[0] + a[2]],
+    [u[0] - a[2], l[0] + a[1], parts[2], u[1] + l[2]],
+    [a[1] - l[0], u[0] + a[2], u[1] + l[2], parts[3]],
+  ];
+  return unit(rows[largest]);
+}

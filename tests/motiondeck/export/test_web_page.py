@@ -1,0 +1,226 @@
+"""The page of an export, in a browser: what it loads, how it plays, and where it draws a robot."""
+
+import dataclasses
+import importlib.util
+import runpy
+import threading
+from functools import partial
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+
+import msgspec
+import mujoco
+import numpy as np
+import pytest
+
+from controller.deck.interfaces import JointLimits
+from controller.learning.trainers.clip import fitted_keys
+from controller.library.motion_library import MotionLibrary, load_library
+from controller.motion.encodings.robot_joints import RobotJoints
+from controller.networks.clip.network import ClipPlayer
+from controller.networks.keys import Keys
+from controller.wire.messages.commands import EmergencyStop, Jump, Pause, Queue, Reset, Resume, SetTempo, Switch
+from motiondeck.export.golden import deck_trace
+from motiondeck.export.web_page import write_page
+from motiondeck_base.shipped import find_library, find_robot
+from sim.robots.robot import load_robot
+
+RATE, FRAMES = 100.0, 120.0
+LENGTHS = {"stroll": 150, "turn": 220, "bow": 180}
+
+
+def channels(name, frames, joints):
+    """The channels of a motion that is made up: slow swings of all joints, and a root that goes and turns."""
+    seconds, phase = np.arange(frames) / FRAMES, 2.0 * np.pi * np.arange(frames) / frames
+    own = np.arange(joints) + 3.0 * len(name)
+    if name == "bow":  # there and back
+        angles = 0.2 * np.sin(own) * (1.0 - np.cos(phase))[:, None]
+    else:
+        angles = 0.15 * np.cos(phase[:, None] + own) + 0.05 * np.cos(2.0 * phase[:, None] - own)
+    nod = 0.1 * np.sin(phase)
+    axes = np.column_stack([np.cos(nod), 0.0 * nod, -np.sin(nod), 0.0 * nod, 1.0 + 0.0 * nod, 0.0 * nod])
+    rates = np.column_stack([0.06 + 0.02 * np.sin(phase), 0.03 + 0.0 * seconds, 0.01 * np.cos(phase)])
+    return np.column_stack([angles, rates, 0.25 + 0.01 * np.cos(phase), axes])
+
+
+@pytest.fixture(scope="module")
+def library():
+    robot = load_robot(find_robot("servo20"), load_library(find_library("thesis15")).skeleton)
+    encoding, shipped = RobotJoints.for_joints(robot.joints), load_library(find_library("thesis15")).info
+    loops = {name: name != "bow" for name in LENGTHS}
+    keys = {
+        name: Keys.of(fitted_keys(channels(name, frames, 20), 4, loop=loops[name]), 0, 96)
+        for name, frames in LENGTHS.items()
+    }
+    network = ClipPlayer.of_keys(keys, LENGTHS, loops)
+    motions = [
+        msgspec.structs.replace(shipped.motions[0], name=name, frames=frames, plays="loop" if loops[name] else "once")
+        for name, frames in LENGTHS.items()
+    ]
+    skeleton = {"encoding": encoding.name, "skeleton": encoding.skeleton_info(), "network": "clip"}
+    return MotionLibrary(msgspec.structs.replace(shipped, motions=motions, **skeleton), network, encoding)
+
+
+@pytest.fixture(scope="module")
+def robot(library):
+    """servo20 with servos that nothing is too fast for: of limits the deck and the player have tests of their own."""
+    robot = load_robot(find_robot("servo20"), library.skeleton)
+    own = robot.limits
+    fast = JointLimits(own.lower - 0.5, own.upper + 0.5, 8.0 * own.velocity, 40.0 * own.acceleration, 99.0 * own.jerk)
+    return dataclasses.replace(robot, limits=fast)
+
+
+@pytest.fixture(scope="module")
+def exported(library, robot, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("page")
+    return folder, write_page(folder, library, robot, RATE)
+
+
+@pytest.fixture(scope="module")
+def address(exported):
+    class Quiet(SimpleHTTPRequestHandler):
+        def log_message(self, *_):
+            pass
+
+    server = ThreadingHTTPServer(("127.0.0.1", 0), partial(Quiet, directory=exported[0]))
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    yield f"http://127.0.0.1:{server.server_address[1]}/"
+    server.shutdown()
+
+
+@pytest.fixture(scope="module")
+def open_page(browser, address):
+    page = browser.new_page(viewport={"width": 700, "height": 700})
+    page.goto(address)
+    page.wait_for_function("motiondeck.page?.frames > 1")
+    yield page
+    page.close()
+
+
+@pytest.mark.parametrize("way", ["server", "disk"])
+def test_page_loads_from_its_own_folder_alone(browser, address, exported, way):
+    base = address if way == "server" else exported[0].as_uri() + "/"
+    page, asked, problems = browser.new_page(), [], []
+    page.on("request", lambda request: asked.append(request.url))
+    page.on("console", lambda message: message.type == "error" and problems.append(message.text))
+    page.on("pageerror", lambda error: problems.append(str(error)))
+    page.goto(f"{base}index.html")
+    page.wait_for_function("motiondeck.page?.frames > 1")
+    assert page.locator("#state b").inner_text() == "PLAYING"
+    page.close()
+    assert problems == []
+    outside = [url for url in asked if not url.startswith((base, "data:"))]
+    assert outside == []
+    assert len(asked) > 5
+    assert sum(file.stat().st_size for file in exported[0].iterdir()) < 2e6
+
+
+def test_keys_buttons_and_the_state_line(browser, address):
+    page = browser.new_page()
+    page.goto(address)
+    page.wait_for_function("motiondeck.page?.frames > 1")
+    word = page.locator("#state b")
+    page.keyboard.press("2")
+    page.wait_for_function("motiondeck.page.player.playing === 1")
+    page.locator(".later").nth(2).click()
+    page.wait_for_function("document.querySelector('#queue').textContent === 'next: bow'")
+    page.keyboard.press("Space")
+    page.wait_for_function("document.querySelector('#state b').textContent === 'PAUSED'")
+    page.keyboard.press("Space")
+    page.keyboard.press("Escape")
+    page.wait_for_function("document.querySelector('#state b').textContent === 'STOPPED'")
+    page.locator(".play").nth(0).click()
+    page.wait_for_timeout(300)
+    assert word.inner_text() == "STOPPED"  # latched
+    page.locator("#stop").click()
+    page.wait_for_function("document.querySelector('#state b').textContent === 'HELD'")
+    page.locator(".play").nth(0).click()
+    page.wait_for_function("document.querySelector('#state b').textContent === 'PLAYING'", timeout=15000)
+    page.close()
+
+
+SCRIPTED = """async ([script, ticks]) => {
+  const player = await motiondeck.load(motiondeck.figure);
+  const trace = [[...player.targets]], answers = [];
+  for (let tick = 1; tick < ticks; tick++) {
+    for (const [due, name, ...given] of script) if (due === tick) answers.push(player[name](...given) ?? 0);
+    trace.push([...player.step()]);
+  }
+  return [trace, answers];
+}"""
+
+
+def test_a_scripted_minute_is_that_of_the_deck(exported, open_page):
+    figure, rng, ticks = exported[1], np.random.default_rng(46), 6000
+    script, commands = [], []
+    for tick in np.sort(rng.choice(np.arange(50, 5800), 30, replace=False)).tolist():
+        motion, tempo = int(rng.integers(3)), float(np.float32(rng.uniform(-1.0, 2.0)))
+        phase, direct = float(np.float32(rng.random())), bool(rng.random() < 0.3)
+        name = [*LENGTHS][motion]
+        choices = [
+            [("switch", Switch(name, direct), motion, direct)],
+            [("queue", Queue(name), motion)],
+            [("tempo", SetTempo(tempo), tempo)],
+            [("jump", Jump(phase), phase)],
+            [("pause", Pause()), ("resume", Resume())],
+            [("stop", EmergencyStop()), ("reset", Reset()), ("resume", Resume())],
+        ]
+        for later, (way, command, *given) in enumerate(choices[rng.integers(len(choices))]):
+            script.append([tick + 70 * later, way, *given])
+            commands.append((tick + 70 * later, command))
+    script.sort(key=lambda row: row[0])
+    commands.sort(key=lambda row: row[0])
+    trace, answers = open_page.evaluate(SCRIPTED, [script, ticks])
+    expected = deck_trace(figure, commands, ticks)
+    assert [answer == 0 for answer in answers] == expected.accepted
+    assert np.abs(np.array(trace) - expected.safe).max() < 1e-3
+    assert np.ptp(expected.safe, axis=0).max() > 0.3
+
+
+def test_the_root_goes_where_the_motion_goes(open_page):
+    place, _ = open_page.evaluate(
+        """async () => {
+          const player = await motiondeck.load(motiondeck.figure);
+          for (let tick = 0; tick < 500; tick++) player.step();
+          return player.posture[1];
+        }"""
+    )
+    # By the motion's own frames: 501 ticks at 100 Hz are 601.2 frames.
+    x = y = heading = 0.0
+    rows = channels("stroll", LENGTHS["stroll"], 20)
+    for frame in range(601):
+        turn_rate, forward, left = 10.0 * rows[frame % 150, 20:23]
+        heading += turn_rate / FRAMES
+        x += (np.cos(heading) * forward - np.sin(heading) * left) / FRAMES
+        y += (np.sin(heading) * forward + np.cos(heading) * left) / FRAMES
+    assert np.hypot(place[0] - x, place[1] - y) < 0.02 * np.hypot(x, y)
+
+
+def test_bodies_are_where_mujoco_has_them(robot, open_page):
+    rng, model = np.random.default_rng(1), robot.drawn
+    data = mujoco.MjData(model)
+    for _ in range(5):
+        targets = rng.uniform(robot.limits.lower, robot.limits.upper)
+        robot.layout.place(targets, data.qpos)
+        data.qpos[:7] = [*rng.normal(size=3), *(turn := rng.normal(size=4)) / np.linalg.norm(turn)]
+        mujoco.mj_kinematics(model, data)
+        root = [data.qpos[:3].tolist(), data.qpos[3:7].tolist()]
+        found = open_page.evaluate(
+            "([root, angles]) => motiondeck.placed(motiondeck.figure, root, angles)", [root, targets.tolist()]
+        )
+        places, turns = zip(*found, strict=True)
+        assert np.allclose(places, data.xpos, atol=1e-5)
+        assert np.allclose(np.abs(np.sum(np.array(turns) * data.xquat, axis=1)), 1.0, atol=1e-6)
+
+
+PLAYER_WASM = runpy.run_path(str(Path(__file__).parents[3] / "docs/player_wasm.py"))
+
+
+def test_player_wasm_was_made_from_the_player_as_it_is():
+    assert PLAYER_WASM["PLAYER"].read_bytes().endswith(PLAYER_WASM["digest_section"]()), "run docs/player_wasm.py"
+
+
+@pytest.mark.thorough
+@pytest.mark.skipif(importlib.util.find_spec("ziglang") is None, reason="ziglang compiles it")
+def test_player_wasm_is_the_same_when_made_again():
+    assert PLAYER_WASM["compiled"]() == PLAYER_WASM["PLAYER"].read_bytes()
