@@ -40,7 +40,7 @@ PARTS: dict[str, tuple[tuple[Any, str], ...]] = {
     "stance of the human": ((HumanStance, "__call__"),),
     "footing of the robot": ((Footing, "place"), (BakedRoot, "place")),
     "mj_step, twice": ((PhysicsPlayback, "step"),),
-    "simulated servos": ((Servos, "limit"), (Servos, "note")),
+    "simulated servos": ((Servos, "step"),),
     "rest of the simulation": ((PhysicsPlayback, "write"),),
     "outputs (the rig, if there is one)": ((Channel, "read"), (Channel, "write")),
 }

@@ -91,7 +91,7 @@ class Performance:
         if self._fade is not None or self._switching:
             shown, completed = self._faded(target, dt)
         self.blend_problem = tracks.problem(self._joints(target), dt * abs(tempo)) if tracks.blending else ""
-        self._set_posture(shown)
+        self._shown, self._next = shown, advance(self.pose, shown, dt)
         if self._limits is not None:
             self._keep_within(self._limits, dt, tempo)
         if self.blend_problem == "turns over":
@@ -203,10 +203,8 @@ class Performance:
         self._next.offsets = self._body_shown
 
     def _extrapolate(self, dt: float) -> None:
-        self._set_posture(extrapolated(self._before, self.posture, dt, self.tracks.rest_direction))
-
-    def _set_posture(self, shown: Posture) -> None:
-        self._shown, self._next = shown, advance(self.pose, shown, self._dt)
+        self._shown = extrapolated(self._before, self.posture, dt, self.tracks.rest_direction)
+        self._next = advance(self.pose, self._shown, self._dt)
 
     def _limit(self, *motions: Motion) -> None:
         if self._limits is None:
@@ -278,11 +276,12 @@ def at_origin(posture: Posture) -> Pose:
 def advance(pose: Pose, posture: Posture, dt: float) -> Pose:
     """The posture in the world, after moving on from a pose with its velocities (x forward, y left) for dt seconds."""
     heading = float(pose.heading) + float(posture.turn_rate) * dt
-    cosine, sine = cos(heading), sin(heading)
-    forward, left = (posture.velocity * dt).tolist()
+    ahead, aside = posture.velocity.tolist()
+    forward, left = ahead * dt, aside * dt
     x, y, _ = pose.root_position.tolist()
-    position = np.array([x + cosine * forward - sine * left, y + sine * forward + cosine * left, float(posture.height)])
     if heading == 0.0:
-        return posture.at(position, pose.offsets)
+        return posture.at(np.array([x + forward, y + left, float(posture.height)]), pose.offsets)
+    cosine, sine = cos(heading), sin(heading)
+    position = np.array([x + cosine * forward - sine * left, y + sine * forward + cosine * left, float(posture.height)])
     rotation = multiply(yaw(heading), posture.rotation)
     return Pose(position, np.array(heading), rotation, offsets=pose.offsets)

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import ParamSpec
+from typing import TypeVarTuple
 
 from controller.deck.interfaces import Output
 from controller.motion.rotations import Array
@@ -87,7 +87,7 @@ class Channel:
         self.fault = in_words(error)
 
 
-P = ParamSpec("P")
+Args = TypeVarTuple("Args")
 FAULTS_TO_GIVE_UP = 20
 
 
@@ -99,18 +99,21 @@ class FaultCounter:
     fault: str = ""
     given_up: bool = False  # whether the last `most` calls have all raised; no further one is made
     most: int = FAULTS_TO_GIVE_UP
-    _in_a_row: int = 0
+    in_a_row: int = 0
 
-    def call(self, action: Callable[P, None], *args: P.args, **kwargs: P.kwargs) -> None:
+    def call(self, action: Callable[[*Args], None], *args: *Args) -> None:
         """Calls the action and counts what it raises, unless given up."""
         if self.given_up:
             return
         try:
-            action(*args, **kwargs)
+            action(*args)
+            self.in_a_row = 0
         except Exception as error:
-            self.faults += 1
-            self._in_a_row += 1
-            self.given_up = self._in_a_row >= self.most
-            self.fault = in_words(error)
-        else:
-            self._in_a_row = 0
+            self.count(error)
+
+    def count(self, error: Exception) -> None:
+        """Counts what a call has raised."""
+        self.faults += 1
+        self.in_a_row += 1
+        self.given_up = self.in_a_row >= self.most
+        self.fault = in_words(error)

@@ -68,7 +68,18 @@ class Source:
         """Advances the deck by one tick."""
         self.updates += 1
         self.running = True
-        self.counter.call(self._take)
+        counter = self.counter
+        if not counter.given_up:
+            try:
+                targets, pose = self._deck.update(self.dt)
+                if targets.shape != self._latest.shape:
+                    raise ValueError(f"targets of shape {targets.shape} instead of {self._latest.shape}")
+                self._latest[:], self.pose = targets, pose
+                if self.correction is not None:
+                    self.correction.update()
+                counter.in_a_row = 0
+            except Exception as error:
+                counter.count(error)
         if self._before is not None:
             self.targets = self._before(self._latest)
 
@@ -76,14 +87,6 @@ class Source:
         """Advances the deck by a tick whose targets are not written, unless it waits for an approach."""
         if self.running:
             self.update()
-
-    def _take(self) -> None:
-        targets, pose = self._deck.update(self.dt)
-        if targets.shape != self._latest.shape:
-            raise ValueError(f"targets of shape {targets.shape} instead of {self._latest.shape}")
-        self._latest[:], self.pose = targets, pose
-        if self.correction is not None:
-            self.correction.update()
 
 
 def safe_targets(

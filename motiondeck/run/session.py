@@ -24,7 +24,6 @@ from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.loop.stop_requests import StopRequest
 from controller.loop.stop_state import STOP_DOOR, StopState, WiredStop
 from controller.motion.rotations import Array
-from controller.wire.messages.deck_snapshot import TickHealth
 from controller.wire.messages.replies import Refused
 from controller.wire.stop_door import StopDoor
 from motiondeck.run.beside.child_process import Children
@@ -188,9 +187,7 @@ class Session:
             self.watch.update(loop, self.deck, self.stop)
         pictures, between = divmod(loop.tick, self._ticks_a_picture)
         if between == 0 and pictures % HEALTH_EVERY == 0:
-            # The percentiles of all ticks so far; they take too long for every tick.
-            late, work = loop.lateness.percentiles(), loop.work.percentiles()
-            snapshots.health = TickHealth(late.p50, late.p999, work.p50) if loop.tick else TickHealth()
+            snapshots.health = None
             self.children.report_dead()
         page = self.page if between == 0 else None
         if self.recorder is None and page is None:

@@ -23,7 +23,7 @@ class JointLayout:
     """J coordinates in nq numbers, of which the first seven are the free root's position and quaternion."""
 
     joints: tuple[str, ...]  # the names of the coordinates, length J
-    hinge: Indices  # coordinates that are hinge angles, shape (H,)
+    hinge: Indices  # coordinates that are hinge angles, shape (H,); all of them, in order, where there is no ball joint
     hinge_qpos: Indices  # their places in qpos
     ball: Indices  # coordinates that are rotation vectors, shape (N, 3)
     ball_qpos: Indices  # places of their quaternions in qpos, shape (N, 4)
@@ -75,19 +75,20 @@ class JointLayout:
 
     def place(self, targets: Array, qpos: Array) -> None:
         """Writes joint coordinates (J,) into qpos (nq,); the root is left alone."""
-        if len(self.hinge):
-            qpos[self.hinge_qpos] = targets[self.hinge]
         if len(self.ball):
             qpos[self.ball_qpos] = from_rotation_vector(targets[self.ball])
+            targets = targets[self.hinge]
+        qpos[self.hinge_qpos] = targets
         for group, follower, leader in zip(self.led, self.followers, self.leaders, strict=True):
             qpos[follower] = group.followed(qpos[leader])
 
     def read(self, qpos: Array, near: Array, out: Array) -> None:
         """Reads joint coordinates into out (J,), of equivalent rotation vectors those closest to near (J,)."""
-        if len(self.hinge):
-            out[self.hinge] = qpos[self.hinge_qpos]
         if len(self.ball):
+            out[self.hinge] = qpos[self.hinge_qpos]
             out[self.ball] = nearest_turn(to_rotation_vector(qpos[self.ball_qpos]), near[self.ball])
+        else:
+            out[...] = qpos[self.hinge_qpos]
 
 
 def nearest_turn(vector: Array, near: Array) -> Array:

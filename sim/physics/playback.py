@@ -23,7 +23,7 @@ from sim.physics.walking.walker import Walker
 from sim.robots.robot import Robot
 
 # MuJoCo resets itself when its state becomes invalid, and counts a warning.
-_BROKEN = (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC)
+_BROKEN = slice(int(mujoco.mjtWarning.mjWARN_BADQPOS), int(mujoco.mjtWarning.mjWARN_BADQACC) + 1)  # and BADQVEL
 
 _NOTES = 64  # writes whose errors are buffered before the statistics are updated
 
@@ -72,7 +72,8 @@ class PhysicsPlayback:
         self.model = model = physics_model(robot, root, alter) if compiled is None else copy(compiled)
         self.data = mujoco.MjData(model)
         self.qpos = self.data.qpos  # shape (nq,), which the next write overwrites
-        self._warnings = [self.data.warning[kind] for kind in _BROKEN]
+        self._warnings = self.data.warning.number[_BROKEN]
+        self._ctrl = self.data.ctrl
         self._steps = max(1, round(dt / model.opt.timestep))
         self._dt = self._steps * model.opt.timestep
         self._balance = Balance(robot, model, self._dt) if balance else None
@@ -83,7 +84,7 @@ class PhysicsPlayback:
         self._legs = self._balance or self._walker
         self.behind_s = AHEAD if walk else 0.0  # delay of the body
         motors = robot.motors
-        self._servos = Servos(motors, model, self._dt) if motors is not None else None
+        self._servos = Servos(motors, model, self.data, self._dt) if motors is not None else None
         late = round(robot.servo.latency / self._dt) * self._dt if robot.servo is not None else 0.0
         self.lag = np.full(len(robot.rest), late) if late else None  # latency of each joint's servo, shape (J,), s
         self._lead = lead_of(model)
@@ -145,35 +146,33 @@ class PhysicsPlayback:
             if starting:
                 self._goal_before[:] = self._goal  # what it adds at once is not a movement
             self._recover(self._legs)
-        if self._servos is not None:
-            self._goal[:] = self._servos.delayed(self._goal)
+        servos = self._servos
+        if servos is not None:
+            self._goal[:] = servos.delayed(self._goal)
         mujoco.mj_differentiatePos(self.model, self._turned, self._dt, self._goal_before, self._goal)
         layout, ahead = robot.layout, self._ahead
-        ahead[:] = self._lead * self._turned[layout.dof]
+        np.multiply(self._lead, self._turned[layout.dof], ahead)
         ahead[layout.hinge] += self._goal[layout.hinge_qpos]
         for _ in range(self._steps):
-            data.ctrl[:] = self._ahead
+            self._ctrl[:] = self._ahead
             if len(robot.layout.ball):
-                self._aim_balls(data.ctrl, robot.layout.ball)
-            if self._servos is not None:
-                self._servos.limit(data)
-            self.step(self.model, data)
-            if self._servos is not None:
-                self._servos.note(data)
+                self._aim_balls(self._ctrl, robot.layout.ball)
+            if servos is None:
+                self.step(self.model, data)
+            else:
+                servos.step(self.step)
         if self._pushed > 0:
             self._pushed -= 1
             if self._pushed == 0:
                 self.push(np.zeros(3))
-        broken = not isfinite(data.qpos.dot(data.qpos))
-        for warning in self._warnings:
-            broken |= warning.number > 0
-        if broken:
+        qpos = self.qpos
+        if not isfinite(qpos.dot(qpos)) or self._warnings.tobytes().strip(b"\0"):
             self._faults += 1
             robot.place(targets, pose, self._goal)
             self._put_in_place()
             if self._legs is not None:
                 self._legs.adjust(data, self._goal, self._heading)  # a walker has forgotten what it was to do
-        robot.layout.read(data.qpos, near=targets, out=self._measured)
+        robot.layout.read(qpos, near=targets, out=self._measured)
         root = self.placed
         if self._walker is not None:
             # The body is delayed, and so is its goal.

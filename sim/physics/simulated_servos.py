@@ -1,6 +1,7 @@
 """Simulated servos: torque limits, backlash and latency in each step, and statistics of load."""
 
 from collections import deque
+from collections.abc import Callable
 
 import mujoco
 import numpy as np
@@ -16,9 +17,12 @@ _NOTES = 64  # steps buffered before the statistics are updated
 class Servos:
     """One servo an actuator."""
 
-    def __init__(self, motors: Motors, model: mujoco.MjModel, dt: float) -> None:
-        """Args: the servos; the simulated model, whose force ranges are overwritten; the tick, s."""
-        self._motors, self._servo, self._model = motors, motors.servo, model
+    def __init__(self, motors: Motors, model: mujoco.MjModel, data: mujoco.MjData, dt: float) -> None:
+        """Args: the servos; the simulated model, whose force ranges are overwritten, and its state; the tick, s."""
+        self._motors, self._servo, self._model, self._data = motors, motors.servo, model, data
+        # Views, made once and not in each step.
+        self._velocity, self._force = data.actuator_velocity[:, None], data.actuator_force
+        self._range = model.actuator_forcerange
         # The torque-speed line without ends lies between (-most, 0) and (0, most).
         most, none = motors.most, np.zeros(model.nu)
         self._floor, self._ceiling = np.column_stack([-most, none]), np.column_stack([none, most])
@@ -26,7 +30,7 @@ class Servos:
         # The same line as  stall + slope velocity,  backwards and forwards.
         self._stall = motors.line(none)
         self._slope = motors.line(np.ones(model.nu)) - self._stall
-        self._late = round(self._servo.latency / dt)
+        self._late, self._half_play = round(self._servo.latency / dt), 0.5 * self._servo.backlash
         self.start()
 
     def start(self) -> None:
@@ -37,25 +41,29 @@ class Servos:
         self._square, self._peak = np.zeros(joints), np.zeros(joints)
         self._at_limit = np.zeros(joints, dtype=np.int64)
         self._forces, self._ranges = np.empty((_NOTES, joints)), np.empty((_NOTES, joints, 2))
+        self._rows = [*self._ranges]
 
     def delayed(self, goal: Array) -> Array:
         """The goal sent `latency` ago; the first ones arrive at once."""
         self._on_the_bus.append(goal.copy())
         return self._on_the_bus[0]
 
-    def limit(self, data: mujoco.MjData) -> None:
-        """Sets the torque limits at the present speed, and applies the backlash to the goals."""
-        line = data.actuator_velocity[:, None] * self._slope
-        line += self._stall
-        np.maximum(line, self._floor, out=line)
-        np.minimum(line, self._ceiling, out=self._model.actuator_forcerange)
-        if self._servo.backlash > 0.0:
-            error, half = data.ctrl - data.actuator_length, 0.5 * self._servo.backlash
-            data.ctrl -= np.minimum(np.maximum(error, -half), half)  # within the play there is no error
+    def step(self, advance: Callable[[mujoco.MjModel, mujoco.MjData], None]) -> None:
+        """Advances with the torque limits at the present speed, and buffers both limits and torques.
 
-    def note(self, data: mujoco.MjData) -> None:
-        """Buffers the torques of the last step."""
-        self._forces[self._noted], self._ranges[self._noted] = data.actuator_force, self._model.actuator_forcerange
+        Backlash is applied to the goals before.
+        """
+        line, data = self._rows[self._noted], self._data
+        np.multiply(self._velocity, self._slope, out=line)
+        np.add(line, self._stall, out=line)
+        np.maximum(line, self._floor, out=line)
+        np.minimum(line, self._ceiling, out=line)
+        self._range[...] = line
+        if self._half_play > 0.0:
+            error, half = data.ctrl - data.actuator_length, self._half_play
+            data.ctrl -= np.minimum(np.maximum(error, -half), half)  # within the play there is no error
+        advance(self._model, data)
+        self._forces[self._noted] = self._force
         self._noted += 1
         self._steps += 1
         if self._noted == _NOTES:

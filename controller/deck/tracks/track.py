@@ -102,7 +102,7 @@ class Track:
         self.at = 0.0  # time into the motion, s; in a loop it goes on rising, round after round
         self._round = (0.0, 0.0)  # where it has ended or gone round, backwards and forwards, s
         self._backwards = False
-        self.posture_before = self.posture = self._decode(self.player.step(0.0), 1.0)  # of the last two steps
+        self.posture_before = self.posture = self._encoding.decode(self.player.step(0.0))  # of the last two steps
 
     @property
     def motion(self) -> Motion:
@@ -173,8 +173,11 @@ class Track:
         if not self._motions[player.motion].loop:
             self.at = min(max(self.at, self._round[0]), self._round[1])
         self._backwards = tempo < 0.0 or (tempo == 0.0 and self._backwards)
-        self.posture_before, self.posture = self.posture, self._decode(player.step(dt * tempo), tempo)
-        return self.posture
+        posture = self._encoding.decode(player.step(dt * tempo))
+        if tempo != 1.0:
+            posture.velocity, posture.turn_rate = posture.velocity * tempo, posture.turn_rate * tempo
+        self.posture_before, self.posture = self.posture, posture
+        return posture
 
     def ahead(self, tempo: float, onset: float = 1.0) -> Callable[[Array], BodyCourse]:
         """The course of the stored motion at times (S,) from now on, s, of which the first is 0.
@@ -192,12 +195,6 @@ class Track:
     def postures_ahead(self, times: Array, tempo: float) -> Posture:
         """The postures of the stored motion at times (S,) from now on, s."""
         return self.motion.postures_ahead(self.at + tempo * times, tempo)
-
-    def _decode(self, channels: Array, tempo: float) -> Posture:
-        posture = self._encoding.decode(channels)
-        if tempo != 1.0:
-            posture.velocity, posture.turn_rate = posture.velocity * tempo, posture.turn_rate * tempo
-        return posture
 
     def finish_round(self) -> None:
         """Ends a loop with its present round."""

@@ -32,11 +32,16 @@ class SnapshotSource:
     recognition: RecognitionState | None = None
     kept_apart: Callable[[], int] | None = None  # counts the ticks in which limbs were kept from colliding
     loop: LoopState | None = None
-    health: TickHealth = NO_HEALTH  # the last percentiles, set from outside
+    health: TickHealth | None = (
+        NO_HEALTH  # the last percentiles; None, set now and then, has the next snapshot take them
+    )
 
     def take(self, run: StopRequest | None = None) -> DeckSnapshot:
         """The present state of a run in this mode."""
         deck, loop, recognition = self.deck, self.loop, self.recognition
+        if self.health is None and loop is not None:
+            late, work = loop.lateness.percentiles(), loop.work.percentiles()
+            self.health = TickHealth(late.p50, late.p999, work.p50) if loop.tick else TickHealth()
         return DeckSnapshot(
             motion=deck.motion,
             playing=deck.playing,
@@ -68,5 +73,5 @@ class SnapshotSource:
             work_us=1e-3 * loop.work_ns if loop is not None else 0.0,
             overruns=loop.overruns if loop is not None else 0,
             rate_hz=loop.rate if loop is not None else 0.0,
-            health=self.health,
+            health=self.health or NO_HEALTH,
         )

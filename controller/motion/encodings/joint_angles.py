@@ -20,6 +20,7 @@ from controller.motion.skeleton import ROOT, Pose, Posture, Skeleton, SkeletonIn
 from motiondeck_base.errors import UnknownNameError
 
 _LEVER = 4.0  # m
+_AHEAD = np.array(0.0)  # the heading of all poses
 SHARE = 1.0 / _LEVER  # of the joint's angle that the bone turns
 
 
@@ -66,7 +67,7 @@ class JointPosture(_Jointed, Posture):
     def at(self, root_position: Array, offsets: Array | None = None) -> Pose:
         """As of `Posture`."""
         pose = JointPose.__new__(JointPose)
-        pose.root_position, pose.heading, pose.angles = root_position, np.array(0.0), self.angles
+        pose.root_position, pose.heading, pose.angles = root_position, _AHEAD, self.angles
         pose.offsets = offsets
         return pose
 
@@ -160,8 +161,8 @@ class JointRetargeter:
         for name in carried:
             if name not in joints:
                 raise UnknownNameError.among("joint of this robot", name, joints)
-        self._order = np.array([joints.index(name) for name in carried])
-        self._count = len(carried)
+        order, self._count = [joints.index(name) for name in carried], len(carried)
+        self._order = slice(self._count) if order == [*range(self._count)] else np.array(order)  # a slice is quicker
         self._targets = rest.copy()
 
     def __call__(self, pose: Pose) -> Array:

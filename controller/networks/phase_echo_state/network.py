@@ -83,12 +83,12 @@ class PhaseEchoStatePlayer(PhasePlayer[PhaseEchoStateMotion]):
 
     def step(self, frame: int, noise: Float32 | None = None) -> None:
         motion, hidden = self.motion, self.activation
-        np.dot(self.state, motion.recurrent, out=hidden)
+        self.state.dot(motion.recurrent, hidden)  # as a method: np.dot first looks for other kinds of arrays
         np.add(hidden, motion.driven[frame], out=hidden)
         if motion.driving is not None:
             np.add(hidden, np.float32(self.level) * motion.drive, out=hidden)
         np.tanh(hidden, out=hidden)
-        np.copyto(self.state, hidden)
+        self.state[...] = hidden
         if noise is not None:
             self.state += noise
         self.frame = frame

@@ -159,7 +159,7 @@ class PhasePlayer(ABC, Generic[Motion]):
 
     def read(self, out: Float32) -> None:
         """Writes the channels of the present state into out, shape (*runs, C)."""
-        np.dot(self._extended, self.motion.readers[self.motion.course.piece[self.frame]], out=out)
+        self._extended.dot(self.motion.readers[self.motion.course.piece[self.frame]], out)
 
 
 class PhaseDrivenNetwork(ReservoirNetwork[Motion]):
