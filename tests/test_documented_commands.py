@@ -40,6 +40,7 @@ NEEDS = {
     r"styles|gait.safetensors|input speed": "a library with inputs",
     r"^learn motions$": "motions that retarget wrote",
     r"tune-walk": "an hour",
+    r"\.parquet": "a dataset of LeRobot",
 }
 # A name of a command alone is no command line, unless that does something.
 WHOLE = {"play", "library list", "send help", "robot list"}

@@ -250,11 +250,11 @@ class _Joints:
 
 
 class SeveralPeopleError(FileFormatError):
-    """A file holds several people, and none of them was chosen."""
+    """A file holds several people, or episodes of a robot, and none of them was chosen."""
 
-    def __init__(self, path: str | Path, people: Collection[str]) -> None:
+    def __init__(self, path: str | Path, people: Collection[str], what: str = "people") -> None:
         self.people = tuple(people)
-        super().__init__(f"{path}: holds {len(people)} people ({listed(self.people)}). Choose one: --skeleton NAME.")
+        super().__init__(f"{path}: holds {len(people)} {what} ({listed(self.people)}). Choose one: --skeleton NAME.")
 
 
 def chosen_person(path: str | Path, people: Collection[str], wanted: str | None) -> str:
