@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable
 from functools import partial
-from typing import NamedTuple, cast
+from typing import Any, NamedTuple, cast
 
 import viser
 
@@ -164,6 +164,9 @@ class Panel:
         self._tap = self._add_tap() if about.has_phase else None
         if about.groups and about.library_file:
             self._add_layers(about.groups)
+            with gui.add_folder("live values", expand_by_default=False):
+                fixed = {"groups": about.live, "gaze": about.gazes}
+                self.parts.add("live-values", "live-values", fixed, self._follow_hand).show({})
         self.view = ViewChoices(page, look_from, about)
         if about.push_ns:
             self._add_pushes(about.push_ns)
@@ -188,6 +191,13 @@ class Panel:
                 self.send(say.Layer(str(group.value), str(motion.value), float(weight.value)))
             else:
                 self.send(say.Layer(str(group.value) if deeds.value == "off" else "off"))
+
+    def _follow_hand(self, said: Any, _: viser.GuiEvent) -> None:
+        match said:
+            case [str(group), float(value) | int(value)]:
+                self.send(say.SetInput(group, float(value)))
+            case {"gaze": [float(left) | int(left), float(up) | int(up)]}:
+                self.send(say.Gaze(float(left), float(up)))
 
     def _add_pushes(self, usual: float) -> None:
         gui = self._page.gui

@@ -60,6 +60,8 @@ class PageDescription(msgspec.Struct, frozen=True, kw_only=True):
     verdicts: dict[str, tuple[str, str]] = {}  # by motion, whether the robot plays it: the answer, and with reasons
     learn: list[str] = []  # the command line of the process that learns a recording, if the page offers that
     groups: list[str] = []  # of joints that layers play on
+    live: list[str] = []  # groups and joints that take live values
+    gazes: bool = False  # whether it can look at a point
     human: GhostDescription | None = None  # beside the robot, if its motion is known
     walks: bool = True  # whether its root moves, so that feet leave prints and a camera follows
     weight: float | None = None  # of a robot that stands on the floor alone, N

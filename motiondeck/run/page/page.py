@@ -93,6 +93,7 @@ class PageContents:
         robot.layout.place(robot.rest, rest)
         library = str(self.library.resolve()) if self.library is not None else None
         standing, refused = on_floor(self.robots[0]) is not None, {*self.robots[0].without_layers}
+        groups = [name for name, group in self.robots[0].groups.items() if refused.isdisjoint(group)]
         return PageDescription(
             model_file=str(models[0]),
             follower_file=str(models[1]) if len(models) > 1 else None,
@@ -108,7 +109,9 @@ class PageContents:
             has_network=library is not None and (deck.activation is not None or deck.phase is not None),
             library_file=library,
             learn=[sys.executable, "-P", "-m", "motiondeck.run.page.learning"] if self.learns and library else [],
-            groups=[name for name, group in self.robots[0].groups.items() if refused.isdisjoint(group)],
+            groups=groups,
+            live=[*groups, *(joint for joint in self.robots[0].joints if joint not in refused)],
+            gazes=len(self.robots[0].gaze) > 0 and refused.isdisjoint(self.robots[0].gaze),
             human=human,
             walks=self.simulations[0].root != "fixed",
             weight=GRAVITY * float(robot.model.body_mass.sum()) if standing else None,

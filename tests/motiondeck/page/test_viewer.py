@@ -16,11 +16,13 @@ from controller.motion.rotations import multiply
 from controller.wire.command_socket import CommandServer
 from controller.wire.messages.commands import (
     EmergencyStop,
+    Gaze,
     GiveBeat,
     Jump,
     Pause,
     Push,
     Reset,
+    SetInput,
     SetTempo,
     Stop,
     Subscribe,
@@ -33,6 +35,7 @@ from controller.wire.telemetry import StateWriter
 from motiondeck.page.scene import Follower, facing
 from motiondeck.page.viewer import main
 from motiondeck.page.web.page_state import PageDescription, PictureArrays
+from motiondeck_base.shipped import find_library
 from sim.models.mannequin.mannequin import build_mannequin
 from simulated_bodies import human
 from waiting import free_port, until
@@ -45,7 +48,7 @@ PATIENCE = 60.0  # s: a browser without a graphics card on a busy machine
 class FakeDeck:
     """Publishes a mannequin that a test has walk, and takes commands as a deck would."""
 
-    def __init__(self, folder):
+    def __init__(self, folder, **about):
         spec = build_mannequin(human())
         model = spec.compile()
         spec.to_file(str(folder / "robot.xml"))
@@ -58,6 +61,7 @@ class FakeDeck:
             has_phase=True,
             push_ns=16.0,
             shapes=arrays.shapes,
+            **about,
         )
         self.numbers = SnapshotNumbers(MOTIONS)
         sizes = self.numbers.sizes | arrays.sizes
@@ -285,6 +289,63 @@ def test_the_page_shows_the_figure_and_its_buttons_command_the_deck(deck, browse
         viewer.kill()
         viewer.wait()
         viewer.stdout.close()
+
+
+@pytest.mark.thorough
+def test_joints_and_gaze_follow_a_hand_until_it_lets_go(tmp_path, browser):
+    live = {"library_file": str(find_library("thesis15")), "groups": ["arms"], "live": ["arms", "jaw"], "gazes": True}
+    deck, port = FakeDeck(tmp_path, **live), free_port()
+    viewer = start(deck, port)
+    page = browser.new_page(viewport={"width": 940, "height": 900})
+    page.set_default_timeout(1000.0 * PATIENCE)
+
+    def values(kind):
+        return [message for message in deck.received if isinstance(message, kind)]
+
+    def holds(part, to, kind):
+        """Whether values come from a part that is pressed in the middle and dragged to a share of its width and height.
+
+        A press on a panel that still moves misses it.
+        """
+        part.scroll_into_view_if_needed()
+        box = part.bounding_box()
+        page.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"])
+        page.mouse.down()
+        page.mouse.move(box["x"] + to[0] * box["width"], box["y"] + to[1] * box["height"], steps=3)
+        page.wait_for_timeout(700)  # it is said again and again while the hand rests
+        if len(values(kind)) < 3:
+            page.mouse.up()
+        return len(values(kind)) >= 3
+
+    def quiet(kind):
+        before = len(values(kind))
+        page.wait_for_timeout(700)
+        return len(values(kind)) == before
+
+    def let_go(kind):
+        page.mouse.up()
+        until(lambda: quiet(kind), "the end of the values")
+
+    try:
+        until(lambda: reachable(port), "the page")
+        page.goto(coarse(f"http://127.0.0.1:{port}"))
+        page.locator("#state-line").wait_for()
+        page.get_by_text("live values", exact=True).click()
+        slider = page.get_by_title("input jaw, while it is held")
+        until(lambda: holds(slider, (0.9, 0.5), SetInput), "the values of the slider")
+        assert values(SetInput)[-1].name == "jaw"
+        assert values(SetInput)[-1].value == pytest.approx(0.85, abs=0.1)
+        let_go(SetInput)
+        assert slider.input_value() == "0"
+        until(lambda: holds(page.get_by_label("gaze"), (0.75, 0.2), Gaze), "the points of the pad")
+        assert (values(Gaze)[-1].left, values(Gaze)[-1].up) == pytest.approx((0.5, 0.6), abs=0.05)
+        let_go(Gaze)
+    finally:
+        page.close()
+        viewer.kill()
+        viewer.wait()
+        viewer.stdout.close()
+        deck.end()
 
 
 def reachable(port):

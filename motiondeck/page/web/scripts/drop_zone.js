@@ -17,7 +17,7 @@ window.motiondeckDrops ??= (() => {
     return null;
   }
 
-  addEventListener("dragover", (event) => (event.preventDefault(), mark(true)));
+  addEventListener("dragover", (event) => (event.preventDefault(), mark(event.dataTransfer.types.includes("Files"))));
   addEventListener("dragleave", (event) => event.relatedTarget === null && mark(false));
   addEventListener("drop", async (event) => {
     event.preventDefault();
