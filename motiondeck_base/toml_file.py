@@ -40,8 +40,7 @@ _BOUNDS = {">=": "of at least", "<=": "of at most", ">": "above", "<": "below"}
 def read_toml(path: Path, shape: type[T]) -> T:
     """The contents of a TOML file as a msgspec structure that forbids unknown fields.
 
-    A FileFormatError has one line per problem: the file, the line in it, the place, and the allowed keys or the
-    expected type.
+    A FileFormatError has one line per problem: the file, the line in it, the place, and the allowed keys or type.
     """
     text, tree = parse_toml(path)
     return shaped(tree, shape, str(path), _SMALLEST, text)

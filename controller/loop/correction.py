@@ -12,8 +12,7 @@ limits of speed and acceleration refuse of a correction, u, moves a knot ahead i
 begin earlier; what the ends of its range refuse is taken back. So nothing winds up at limits.
 
 A joint learns nothing from the half second around a moment in which it was not free to follow: it yields, stands still
-while its target moves, is far off, hot or silent, or the run is not following. Corrections fade in and out as motions
-change.
+while its target moves, is far off, hot or silent, or the run is not following. Corrections fade as motions change.
 """
 
 import math

@@ -1,7 +1,6 @@
 """Model files: any robot's MJCF or URDF, made ready for playing.
 
-The result has a free root, one position servo for each played joint, named as the joint, and none of the file's floor,
-sky and lamps.
+The result has a free root, one position servo for each played joint, named as the joint, and no floor, sky or lamps.
 
 The servo of a joint without one in its model is stiff enough to carry the limb in any posture. A straight arm has
 almost no inertia about its axis; bent, the same hinge carries the forearm. So the stiffness follows from the limb's

@@ -12,8 +12,7 @@ import numpy as np
 from controller.motion.rotations import Array, Flags
 from sim.retargeting.limb_finder import FEET
 
-# Error of a vector from which its limb is far off, as a share of its length, and the scout's relative error to take
-# over.
+# Error of a vector from which its limb is far off, as a share of its length; the scout's relative error to take over.
 FAR, BETTER = 0.4, 0.5
 OFF = 0.1  # error from which a limb of the first pose is tried from other angles, as a share of its length
 # Steps of the scout a second, their largest number, and the pause until the next scout, s.

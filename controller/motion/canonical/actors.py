@@ -2,8 +2,7 @@
 
 Limbs are rigid, so recordings of one actor agree in their lengths, whatever the actor does; other bones of the
 canonical body span joints and differ by a few mm between takes. The body of an actor has the median of each bone over
-all takes that have it. The body of a library is that of the actor nearest to those of all its recordings, whatever
-their order.
+all takes that have it. The body of a library is that of the actor nearest to those of all its recordings.
 """
 
 from collections.abc import Mapping

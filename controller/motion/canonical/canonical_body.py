@@ -8,11 +8,9 @@ with the middle between the hips as root.
 
 Each bone has the direction of the recorded landmarks in every frame, and the median of their distance as its length. A
 line from the hips to the waist would shorten by up to 80 mm in a bend; those within the pelvis are rigid, and the two
-along the spine nearly are. The twist of a bone is that of the recorded bone at its end, relative to the recording's
-rest pose.
+along the spine nearly are. The twist of a bone is that of the recorded bone at its end, relative to its rest pose.
 
-Missing landmarks (hands, feet) are placed as in the rest pose of their parent, those of a whole arm as hanging;
-`lacking` lists them.
+Missing landmarks (hands, feet) are placed as in the rest pose of their parent, those of an arm as hanging (`lacking`).
 """
 
 from dataclasses import dataclass, replace

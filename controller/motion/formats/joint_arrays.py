@@ -3,9 +3,8 @@
     .npy    joints (T, 22, 3), 20 Hz, or KIT-ML's (T, 21, 3), 12.5 Hz; also the features (T, 263) and (T, 251) of both
     .npz    joints (T, J, 3), fps, and joint_names (J,) where the order is none of `joint_layouts.toml`
 
-AIST++ and GVHMR keep theirs in pickles, which are never loaded: save the arrays as .npz (keypoints3d and fps).
-Of two orders with the same number of joints the one counts in which limbs keep their lengths, and left and right are
-alike.
+AIST++ and GVHMR keep theirs in pickles, which are never loaded: save the arrays as .npz (keypoints3d and fps). Of two
+orders with the same number of joints that counts in which limbs keep their lengths, and sides are alike.
 
 The features (Guo et al. 2022, "Generating Diverse and Natural 3D Human Motions from Text", section 3.2) hold the speed
 of the root's heading and its path in it, its height, and the other joints relative to it and in its heading:

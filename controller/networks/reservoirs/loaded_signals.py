@@ -39,8 +39,7 @@ class LoadedSignals:
     def conceptor(self, signal: str, aperture: float = 10.0) -> Array:
         """C of a signal, shape (N, N).
 
-        UnknownNameError if there is no such signal; it names the nearest. MotiondeckError if the aperture is not a
-        positive number.
+        UnknownNameError if there is no such signal; it names the nearest. MotiondeckError if the aperture is not > 0.
         """
         return conceptor(self.correlation(signal), aperture)
 

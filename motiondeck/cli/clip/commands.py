@@ -167,8 +167,7 @@ def view(
     """View a recording in the browser, alone or beside a robot.
 
     The robot follows the human. The page has a time bar, single steps, a tempo, footprints and contacts, a camera that
-    follows, and what `motiondeck learn` decides about the recording, which is shown so. It is served on 127.0.0.1 only;
-    Ctrl-C ends it.
+    follows, and what `motiondeck learn` decides about the recording. It is served on 127.0.0.1 only; Ctrl-C ends it.
 
     Example:  motiondeck clip view dance.c3d --robot servo20
     """

@@ -129,8 +129,7 @@ def import_calibration(
 
     Nothing in the servos is changed. Names, directions and ranges are LeRobot's, models and baud rate are read from the
     servos. A reversed motor stays reversed: its angle grows as LeRobot's does. Angle 0 is in the middle of the range.
-    LeRobot's homing offsets and drive modes are still in the servos: `motiondeck rig doctor RIG --fix` sets them as the
-    rig file needs them.
+    LeRobot's homing offsets and drive modes are still in the servos: `motiondeck rig doctor RIG --fix` sets them right.
 
     [bold]Example[/]
 

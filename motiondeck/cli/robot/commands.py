@@ -34,8 +34,7 @@ def list_robots(
 ) -> None:
     """List the included robots, and those to download.
 
-    `motiondeck robot calibrate NAME` downloads a robot of the catalogue (with the extra `menagerie` installed) and
-    writes its robot file.
+    `motiondeck robot calibrate NAME` downloads a robot of the catalogue (extra: `menagerie`) and writes its robot file.
 
     Example:  motiondeck robot list --catalogue
     """

@@ -39,9 +39,8 @@ def retarget(
     """Carry recordings onto a robot, as motion files for training.
 
     npz: fps, joint_names, root_pos, root_quat (w x y z) and joint_pos. csv: at 30 Hz, a row per frame: root x y z,
-    quaternion x y z w, joints, as Unitree's retargeted LAFAN1 set. mjlab: the npz of its tracking task, at 50 Hz.
-    qpos: fps, qpos and qvel of MuJoCo. npz and qpos keep the recording's rate. Joints are in the order of the robot's
-    model.
+    quaternion x y z w, joints, as Unitree's retargeted LAFAN1 set. mjlab: the npz of its tracking task, at 50 Hz. qpos:
+    fps, qpos and qvel of MuJoCo. npz and qpos keep the recording's rate. Joints are in the model's order.
 
     All cores work, or with --jobs dask://HOST:PORT a cluster whose workers see the same folders. The run can be
     stopped at any time: the same command continues, and repeats a recording only if it has changed. motions.jsonl

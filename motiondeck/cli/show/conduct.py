@@ -113,8 +113,7 @@ class ShowPage:
     """The process of a show's page: receives the state of the show, and sends its buttons as typed words.
 
     A pair of connected sockets leads there and back. Nothing listens for either, no other program can find them, and
-    each side notices at once when the other has ended. Neither waits for the other: what there is no room for is
-    dropped.
+    each side notices at once when the other has ended. Neither waits: what there is no room for is dropped.
     """
 
     def __init__(self, connection: socket.socket) -> None:
