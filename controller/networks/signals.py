@@ -30,9 +30,7 @@ def time_series(value: ArrayLike, what: str, channels: int | None = None) -> Arr
     bad = np.argwhere(~np.isfinite(numbers))
     if len(bad):
         frame, channel = bad[0]
-        raise MotiondeckError(
-            f"{what}: frame {frame} of channel {channel} is {numbers[frame, channel]}. Cut the frame out or fill it."
-        )
+        raise MotiondeckError(f"{what}: frame {frame}, channel {channel} is {numbers[frame, channel]}. Cut or fill it.")
     return numbers
 
 

@@ -58,9 +58,7 @@ def parse_fault(text: str) -> Fault:
                 raise ValueError
             values[key] = float(value)
         except ValueError:
-            raise MotiondeckError(
-                f"fault '{text}': '{pair}' is not one of {', '.join(k + '=NUMBER' for k in _KEYS)}."
-            ) from None
+            raise MotiondeckError(f"fault '{text}': '{pair}' is not {', '.join(k + '=N' for k in _KEYS)}.") from None
     if kind in ("jam", "duplicate", "swap", "reboot", "dead", "alert", "overheat") and "id" not in values:
         raise MotiondeckError(f"fault '{text}' needs the servo it is about: {kind}:id=NUMBER.")
     id = int(values["id"]) if "id" in values else None

@@ -25,9 +25,7 @@ def evaluate(
     subject: Annotated[str, Argument(metavar="LIBRARY|RECIPE", help="A library, or a recipe (.toml).")],
     measure: Annotated[str, Argument(metavar="MEASURE", help="accuracy, robustness, stability or transitions.")],
     data: Annotated[Path, Option(metavar="DIR", help="The folder with the recordings.")],
-    seeds: Annotated[
-        str, Option(metavar="N|FIRST-LAST", help="Networks to train from a recipe: how many, or with which seeds.")
-    ] = "3",
+    seeds: Annotated[str, Option(metavar="N|FIRST-LAST", help="Networks to train: how many, or which seeds.")] = "3",
     runs: Annotated[int, Option(metavar="N", min=1, max=100_000, help="Runs per motion and network.")] = 100,
     jobs: JobsOption = "-1",
     as_json: JsonOption = False,

@@ -45,16 +45,12 @@ class LearnOptions:
         Path | None, Option(metavar="FILE", help="The library (.safetensors); default: mine, or the recipe's name.")
     ] = None
     force: Annotated[bool, Option("--force", help="Replace the library and the recipe if they exist.")] = False
-    data: Annotated[
-        Path | None, Option(metavar="DIR", help="The folder of a recipe's recordings; default: the recipe's own.")
-    ] = None
+    data: Annotated[Path | None, Option(metavar="DIR", help="The recordings; default: the recipe's folder.")] = None
     allow_failing: Annotated[
         bool, Option("--allow-failing", help="Write a recipe's library even if a motion fails its self-test.")
     ] = False
     play: Annotated[bool, Option("--play", help="Play the first motion afterwards.")] = False
-    robot: Annotated[
-        str | None, Option(metavar="ROBOT", help="Say which motions this robot plays; --play plays them on it.")
-    ] = None
+    robot: Annotated[str | None, Option(metavar="ROBOT", help="Say which motions it plays; --play plays them.")] = None
     physical: Annotated[
         bool, Option("--physical", help="Learn what --robot does on its own feet, as `retarget --physical` finds it.")
     ] = False

@@ -60,9 +60,7 @@ def list_libraries(as_json: JsonOption = False) -> None:
 @app.command("show")
 def show(
     library: LibraryArgument,
-    recording: Annotated[
-        Path | None, Argument(metavar="[RECORDING]", help="Judge the motions of this recording anew by it.")
-    ] = None,
+    recording: Annotated[Path | None, Argument(metavar="[RECORDING]", help="Judge its motions anew by it.")] = None,
     robot: Annotated[str | None, Option(metavar="ROBOT", help="Say which motions it plays, like `preflight`.")] = None,
     as_json: JsonOption = False,
 ) -> None:
@@ -168,9 +166,7 @@ def add(
     once: Annotated[bool, Option("--once", help="A one-shot, which holds its last pose; default: a loop.")] = False,
     frames: Annotated[tuple[int, int] | None, Option(metavar="FIRST END", help="Only these frames of it.")] = None,
     out: OutOption = None,
-    allow_failing: Annotated[
-        bool, Option("--allow-failing", help="Write the library even if the motion fails its self-test.")
-    ] = False,
+    allow_failing: Annotated[bool, Option("--allow-failing", help="Write it even if its self-test fails.")] = False,
     as_json: JsonOption = False,
 ) -> None:
     """Add a motion to a library; the weights of others do not change.

@@ -18,13 +18,9 @@ if TYPE_CHECKING:
 def preflight(
     library: Annotated[str, Argument(metavar="LIBRARY", help="A library file, or a shipped one's name.")] = "thesis15",
     robot: Annotated[str, Option(metavar="ROBOT", help="A robot file or a name (`robot list`).")] = "servo20",
-    rig: Annotated[
-        str | None, Option(metavar="RIG", help="A rig file, whose limits of position, velocity and current apply too.")
-    ] = None,
+    rig: Annotated[str | None, Option(metavar="RIG", help="A rig file, whose limits apply too.")] = None,
     root: RootOption = "gantry",
-    balance: Annotated[
-        bool, Option("--balance", help="A free robot keeps its feet in place and its centre of mass above them.")
-    ] = False,
+    balance: Annotated[bool, Option("--balance", help="A free robot's feet stay, its centre of mass above.")] = False,
     walk: Annotated[bool, Option("--walk", help="A free robot walks where the motion goes.")] = False,
     tempo: Annotated[float, Option(metavar="TEMPO", help="The tempo to judge at, 0.1 to 3.")] = 1.0,
     jobs: Annotated[

@@ -35,9 +35,7 @@ DataArgument = Annotated[Path, Argument(metavar="DATA", help="A folder with one 
 def train(
     data: DataArgument,
     out: Annotated[Path, Option(metavar="FILE", help="The recognizer to write (.safetensors).")],
-    joints: Annotated[
-        str, Option(metavar="NAMES", help="Names of the joints to compare, separated by commas; default: 14 joints.")
-    ] = "",
+    joints: Annotated[str, Option(metavar="NAMES", help="Joints to compare, with commas; default: 14 joints.")] = "",
     licence: Annotated[str, Option(metavar="TEXT", help="Licence of the recordings, kept in the file.")] = "",
     as_json: JsonOption = False,
 ) -> None:

@@ -16,9 +16,7 @@ from motiondeck.run.spec.run_spec import EMULATED, RunSpec
 def replay(
     file: Annotated[Path, Argument(metavar="FILE", help="A recording made with `play --record FILE`.")],
     *,
-    library: Annotated[
-        str | None, Option(metavar="LIBRARY", help="The library that was played; default: found by its name.")
-    ] = None,
+    library: Annotated[str | None, Option(metavar="LIBRARY", help="The library; default: found by its name.")] = None,
     robot: Annotated[str | None, Option(metavar="ROBOT", help="The robot; default: found by its name.")] = None,
     spec: RunSpec,
     scrub: Annotated[bool, Option("--scrub", help="Show targets on a page with a time bar; drive nothing.")] = False,

@@ -207,9 +207,7 @@ def _happened(report: dict[str, Any]) -> list[str]:
         lines.append("kept apart: " + ", ".join(f"{pair} ({counted(count, 'tick')})" for pair, count in most))
     if not report.get("recording", {"complete": True})["complete"]:
         file, reason = report["recording"]["file"], report["recording"].get("reason", "")
-        lines.append(
-            f"the recording {file} is not complete" + (f": {reason.removeprefix(f'{file}: ')}" if reason else "")
-        )
+        lines.append(f"the recording {file} is cut short" + (f": {reason.removeprefix(f'{file}: ')}" if reason else ""))
     if "recognition" in report:
         from motiondeck.run.recognition.watches import summary_lines
 

@@ -103,9 +103,7 @@ def with_certificates(folder: Path, *, listens: bool = True) -> Membership:
         members = sorted(str(found.parent) for found in folder.glob(f"*/{MEMBER_FILE}"))
         what = "no folder of one member" if folder.is_dir() else "there is no such folder"
         which = f", such as {' or '.join(members)}" if members else ""
-        raise MotiondeckError(
-            f"{folder}: {what}; give the one that `motiondeck fleet certificates` made for this member{which}"
-        )
+        raise MotiondeckError(f"{folder}: {what}; give what `motiondeck fleet certificates` made for this one{which}")
     file = read_toml(path, MemberFile)
     try:
         for what, name in (("show", file.show), *(("member of a show", name) for name in file.members)):

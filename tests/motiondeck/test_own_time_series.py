@@ -40,7 +40,7 @@ def test_every_form_of_the_same_numbers_is_learned_alike(given, loaded, reservoi
     [
         ({"a": WAVE[:, 0]}, r"signal 'a' is of shape \(240,\).*x\[:, None\]"),
         ({"a": WAVE[None]}, r"\(1, 240, 2\)"),
-        ({"a": BAD}, "signal 'a': frame 7 of channel 0 is nan"),
+        ({"a": BAD}, "signal 'a': frame 7, channel 0 is nan"),
         ({"a": WAVE * 1j}, "complex"),
         ({"a": [["x"]] * 240}, "real numbers"),
         ({"a": [[1.0], [1.0, 2.0]] * 120}, "rows of different lengths"),
@@ -105,7 +105,7 @@ def test_a_reservoir_of_impossible_sizes_is_refused():
         (lambda loaded, reservoir: net.nrmse(WAVE, WAVE[:5]), "do not compare"),
         (lambda loaded, reservoir: net.ridge(np.ones((5, 2)), np.ones((4, 1)), 0.1), "equally many frames"),
         (lambda loaded, reservoir: net.learn_primitive([BAD], 100.0), "demonstration 0: frame 7"),
-        (lambda loaded, reservoir: net.train_centralized(BAD, 100.0, loop=True), "frame 7 of channel 0"),
+        (lambda loaded, reservoir: net.train_centralized(BAD, 100.0, loop=True), "frame 7, channel 0"),
         (lambda loaded, reservoir: net.train_centralized(WAVE, 0.0, loop=True), "the rate, Hz, is 0"),
         (lambda loaded, reservoir: net.HarmonicCenters.at_phase(np.eye(2)), r"shape \(2, 2\)"),
     ],

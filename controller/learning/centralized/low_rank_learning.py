@@ -185,9 +185,7 @@ def _chosen(
     for plan in plans:
         if plan.numbers(centers) <= parameters:
             return plan
-    raise MotiondeckError(
-        f"{parameters} parameters are too few; the smallest network of this motion has {plans[-1].numbers(centers)}"
-    )
+    raise MotiondeckError(f"{parameters} parameters are too few; the smallest network has {plans[-1].numbers(centers)}")
 
 
 def nested_readout(response: Array, target: Array, used: Indices) -> Array:

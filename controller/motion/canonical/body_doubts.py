@@ -140,9 +140,7 @@ def _sizes(own: Clip, recorded: Skeleton, marks: Landmarks) -> list[str]:
             one, other = length["l" + end], length["r" + end]
             if max(one, other) > SIDES_DIFFER * min(one, other):
                 names = f"'{name['l' + end]}' and '{name['r' + end]}'"
-                found.append(
-                    f"bones {names}, taken for both {_NAMES[end]}s, are {one:.2f} and {other:.2f} m (--rename)."
-                )
+                found.append(f"bones {names}, taken for {_NAMES[end]}s, are {one:.2f} and {other:.2f} m (--rename).")
     return found
 
 

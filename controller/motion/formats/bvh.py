@@ -58,9 +58,7 @@ def read_bvh(path: str | Path, options: ReadingOptions = AS_FOUND) -> Clip:
     rate, announced = _frame_header(path, lines[motion:])
     lines_left = rows.count("\n")
     if lines_left * len(joints) > MOST_POSES:
-        raise announced.error(
-            f"{lines_left} frames of {len(joints)} joints are more than fit into memory. Cut the recording into pieces."
-        )
+        raise announced.error(f"{lines_left} frames of {len(joints)} joints do not fit into memory. Cut the recording.")
     tree, decisions = one_body(_tree(joints, _values(rows, at, width, announced)), path, options.person)
     clip = clip_of(tree, rate, path, options)
     return replace(clip, decisions=(*decisions, *clip.decisions))

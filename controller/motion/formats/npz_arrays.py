@@ -71,9 +71,7 @@ class NpzArrays:
         if rate is None and time is not None and len(time) > 1:
             rate = (len(time) - 1) / (time[-1:] - time[:1])
         if rate is None:
-            raise FileFormatError(
-                f"{self._path}: no rate (it holds {listed(self.names)}). Add an array 'fps', Hz, and save it again."
-            )
+            raise FileFormatError(f"{self._path}: no rate (it holds {listed(self.names)}). Add an array 'fps', Hz.")
         hertz = float(rate.ravel()[0]) if rate.size else 0.0
         if not 0.1 <= hertz <= 1e5:
             raise FileFormatError(f"{self._path}: a rate of {hertz:g} frames per second is not possible.")

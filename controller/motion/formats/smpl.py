@@ -76,9 +76,7 @@ def read_smpl(path: str | Path, options: ReadingOptions = AS_FOUND) -> Clip:
     trans = _rows(trans)
     frames = len(pose)
     if frames == 0 or pose.shape[1] < 66 or trans.shape != (frames, 3):
-        raise FileFormatError(
-            f"{path}: rotations of shape {pose.shape} and trans of shape {trans.shape} are no frames of 22 joints."
-        )
+        raise FileFormatError(f"{path}: rotations {pose.shape} and trans {trans.shape} are no frames of 22 joints.")
     if frames * len(JOINTS) > MOST_POSES:
         raise FileFormatError(f"{path}: {frames} frames are more than fit into memory. Cut the recording into pieces.")
     vectors = pose[:, :66].reshape(frames, len(JOINTS), 3)

@@ -91,9 +91,7 @@ def even_times(time: Array, position: Array, lines: list[Line]) -> tuple[float, 
     steps = steps[1:]
     usual = float(np.median(steps))
     if usual > LONGEST_GAP:
-        raise lines[1].error(
-            f"{usual:g} s from frame to frame are too long. Times are in seconds: divide them by 1000 if they are ms."
-        )
+        raise lines[1].error(f"{usual:g} s a frame are too long. Times are in seconds: divide them by 1000 if in ms.")
     widest = int(np.argmax(steps))
     if steps[widest] > LONGEST_GAP:
         raise lines[widest + 1].error(f"no frames from {time[widest]:g} to {time[widest + 1]:g} s. Cut it there.")

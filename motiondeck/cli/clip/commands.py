@@ -72,9 +72,7 @@ def convert(
     reading: Reading,
     begin: Annotated[float, Option("--from", metavar="SECONDS", help="Where the piece to write begins.")] = 0.0,
     end: Annotated[float | None, Option("--to", metavar="SECONDS", help="Where it ends; default: at the end.")] = None,
-    mirror: Annotated[
-        bool, Option("--mirror", help="Exchange left and right: on the canonical body, or of joints by --skeleton RIG.")
-    ] = False,
+    mirror: Annotated[bool, Option("--mirror", help="Exchange left and right; of joints by --skeleton RIG.")] = False,
     fill: Annotated[bool, Option("--fill", help="Fill gaps of markers; from .c3d to .c3d or .csv.")] = False,
     as_json: JsonOption = False,
 ) -> None:

@@ -181,9 +181,7 @@ def drive(device: InputDevice[str], client: CommandClient) -> None:
 
 
 def gamepad(
-    device: Annotated[
-        Path | None, Option(metavar="FILE", help="A device such as /dev/input/event7; default: the first gamepad.")
-    ] = None,
+    device: Annotated[Path | None, Option(metavar="FILE", help="As /dev/input/event7; default: the first.")] = None,
     command_port: CommandPort = DEFAULT_PORT,
 ) -> None:
     """Command the running deck with a gamepad.

@@ -21,9 +21,7 @@ app = typer.Typer(help="Set up, check, identify, teach or emulate a rig of servo
 def doctor(
     rig: RigArgument,
     port: PortOption = None,
-    fix: Annotated[
-        bool, Option("--fix", help="Set every register that differs, and the USB adapter's latency timer to 1 ms.")
-    ] = False,
+    fix: Annotated[bool, Option("--fix", help="Set every register that differs, and the USB latency to 1 ms.")] = False,
     as_json: JsonOption = False,
 ) -> None:
     """Check a rig without moving it; exit code 1 on a problem.

@@ -24,15 +24,9 @@ def emulate(
     rig: RigArgument,
     fault: Annotated[list[str] | None, Option(metavar="FAULT", help="KIND[:key=value,...]; `help` lists them.")] = None,
     link: Annotated[Path | None, Option(metavar="FILE", help="A link to the port that outlives replugging.")] = None,
-    robot: Annotated[
-        str | None, Option(metavar="ROBOT", help="The body that the servos turn: a robot file, or a shipped one.")
-    ] = None,
-    root: Annotated[
-        Literal["fixed", "free"] | None, Option(help="With --robot: fixed in the air (default), or free to fall.")
-    ] = None,
-    record: Annotated[
-        Path | None, Option(metavar="FILE", help="Record where the shafts really are (emulator/pty_server.py).")
-    ] = None,
+    robot: Annotated[str | None, Option(metavar="ROBOT", help="The body that the servos turn.")] = None,
+    root: Annotated[Literal["fixed", "free"] | None, Option(help="With --robot: fixed in the air, or free.")] = None,
+    record: Annotated[Path | None, Option(metavar="FILE", help="Record where the shafts really are.")] = None,
     fresh: Annotated[bool, Option("--fresh", help="Only the first servo, as new: id 1, 57600 baud.")] = False,
 ) -> None:
     """Emulate a rig for any client, without hardware.

@@ -24,9 +24,7 @@ if TYPE_CHECKING:
 
 def identify(
     rig: RigArgument,
-    joint: Annotated[
-        list[str] | None, Option(metavar="JOINT", help="Only this joint; may be given several times. Default: all.")
-    ] = None,
+    joint: Annotated[list[str] | None, Option(metavar="JOINT", help="Only this joint; repeatable.")] = None,
     port: PortOption = None,
     out: Annotated[Path | None, Option(metavar="FILE", help="Write here instead of into the rig file itself.")] = None,
     dry_run: Annotated[bool, Option("--dry-run", help="Measure and print; write nothing.")] = False,

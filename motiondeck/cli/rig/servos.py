@@ -65,12 +65,8 @@ def setup(
     port: Annotated[str, Argument(metavar="PORT", help="The serial port with one servo on it.")],
     id: Annotated[int | None, Option(metavar="N", min=0, max=252, help="The ID it gets.")] = None,
     baud: Annotated[int, Option(metavar="BAUD", help="The baud rate it gets.")] = 1_000_000,
-    rig: Annotated[
-        Path | None, Option(metavar="FILE", help="Write the adapter's permanent name into this rig file as its port.")
-    ] = None,
-    every: Annotated[
-        bool, Option("--all", help="One new servo after another, each with its ID in the rig file, and its baud rate.")
-    ] = False,
+    rig: Annotated[Path | None, Option(metavar="FILE", help="Write the adapter's name into this rig file.")] = None,
+    every: Annotated[bool, Option("--all", help="One new servo after another, as in the rig file.")] = False,
     as_json: JsonOption = False,
 ) -> None:
     """Give the only servo on a port its ID and baud rate.

@@ -36,9 +36,7 @@ def teach(
     rig: RigArgument,
     out: Annotated[Path, Option(metavar="FILE|DIR", help="A .clip, a folder for several, or keyframes (.toml).")],
     port: PortOption = None,
-    seconds: Annotated[
-        float | None, Option(metavar="SECONDS", help="Begin at once and record for this long, without asking.")
-    ] = None,
+    seconds: Annotated[float | None, Option(metavar="SECONDS", help="Record at once, for this long.")] = None,
     once: Annotated[
         bool | None,
         Option(
@@ -47,9 +45,7 @@ def teach(
             show_default=False,
         ),
     ] = None,
-    trim: Annotated[
-        bool, Option("--trim/--no-trim", help="Leave out the time before the first and after the last movement.")
-    ] = True,
+    trim: Annotated[bool, Option("--trim/--no-trim", help="Leave out the time before and after all movement.")] = True,
     as_json: JsonOption = False,
 ) -> None:
     """Record a motion by hand, or write it as keys on a page.

@@ -25,9 +25,7 @@ SEGMENTS = ("thigh", "shank", "upper_arm", "forearm")
 
 
 def retarget(
-    recordings: Annotated[
-        list[Path], Argument(metavar="FILE_OR_FOLDER...", help="Recordings in any format, and folders that hold some.")
-    ],
+    recordings: Annotated[list[Path], Argument(metavar="FILE_OR_FOLDER...", help="Recordings, or folders of them.")],
     robot: Annotated[str, Option(metavar="ROBOT", help="A robot file (.toml) or a name (`robot list`).")],
     out: Annotated[Path, Option(metavar="DIR", help="The folder for the files; created if missing.")],
     format: Annotated[Literal["npz", "csv", "mjlab", "qpos"], Option(help="The files' format.")] = "npz",

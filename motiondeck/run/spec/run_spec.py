@@ -89,9 +89,7 @@ class RunSpec:
     solver: Literal["angles", "ik"] | None = option(
         None, "Retargeting solver; default: as the robot's file says.", panel=_SIMULATION
     )
-    rig: File | None = option(
-        None, "Stream to servos: a rig file, 'emulated' (those of the robot), or 'emulated:RIG'.", "RIG", _SERVOS
-    )
+    rig: File | None = option(None, "Stream to servos: a rig file, 'emulated', or 'emulated:RIG'.", "RIG", _SERVOS)
     script: File | None = option(None, 'What to play when: "walk 4, jog 4, walk", or a timeline file.', "SCRIPT")
     seconds: float | None = option(
         None, "Stop after this time of the motion; approach and end come on top.", "SECONDS", check=check_seconds
@@ -121,9 +119,7 @@ class RunSpec:
     page: bool | int = option(
         False, "The page's port on 127.0.0.1; 0 for any free one.", "PORT", _COMMANDS, typed=PAGE_PORT, flag="--port"
     )
-    command_port: int = option(
-        0, "Where `motiondeck send` reaches the deck; 0 for any free port.", "PORT", _COMMANDS, typed=DEFAULT_PORT
-    )
+    command_port: int = option(0, "For `motiondeck send`; 0 for any free port.", "PORT", _COMMANDS, typed=DEFAULT_PORT)
     recognize: bool = option(False, "Recognize the motion from the measured joints, and show it.", panel=_RECOGNITION)
     recognizer: File | None = option(
         None, "Recognize the played motion with a recognizer (`recognize train`), and show it.", "FILE", _RECOGNITION
@@ -138,9 +134,7 @@ class RunSpec:
         _RECOGNITION,
         check=partial(check_seconds, option="--mismatch-after"),
     )
-    listen: str | None = option(
-        None, "Take commands at this address of this machine too; needs --token-file.", "ADDRESS", _COMMANDS
-    )
+    listen: str | None = option(None, "Also take commands at this address; needs --token-file.", "ADDRESS", _COMMANDS)
     token_file: File | None = option(None, "The token; only you may read the file.", "FILE", _COMMANDS)
     show: File | None = option(
         None,

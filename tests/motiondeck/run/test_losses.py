@@ -64,7 +64,7 @@ def test_what_comes_of_a_lost_process_is_said_once(capsys):
 def test_a_disk_that_is_full_is_said_and_ends_with_exit_code_1(play, capfd):
     result = invoked(*play, "--seconds", "0.8", "--record", "/dev/full")
     assert result.exit_code == 1
-    reason = "the recording /dev/full is not complete: cannot be written (No space left on device)"
+    reason = "the recording /dev/full is cut short: cannot be written (No space left on device)"
     assert reason in result.stdout
     assert "/dev/full: cannot be written (No space left on device)" in capfd.readouterr().err
 

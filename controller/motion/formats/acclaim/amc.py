@@ -175,9 +175,7 @@ def read_acclaim(path: str | Path, options: ReadingOptions) -> Clip:
     if asf is None:
         found = _skeletons(recording.parent)
         names = f"{len(found)} .asf files ({', '.join(other.name for other in found)})" if found else "no .asf files"
-        raise FileFormatError(
-            f"{path}: there are {names} beside it. Give the skeleton that it was recorded with (--skeleton FILE.asf)."
-        )
+        raise FileFormatError(f"{path}: there are {names} beside it. Give the recording's own (--skeleton FILE.asf).")
     clip = read_amc(path, read_asf(asf, options.unit))
     bones = options.renamed(clip.skeleton.bones, path)
     clip = replace(clip, skeleton=replace(clip.skeleton, bones=bones))

@@ -228,9 +228,7 @@ def with_points(path: Path, position: Array) -> bytes:
     if form.scale >= 0.0:
         words = np.round(words)
         if np.abs(words).max(initial=0.0) > np.iinfo(np.int16).max:
-            raise FileFormatError(
-                f"{path}: a filled point lies beyond the range of this file's whole numbers. Write a .csv instead."
-            )
+            raise FileFormatError(f"{path}: a filled point is beyond this file's whole numbers. Write a .csv instead.")
     stored = np.frombuffer(content, form.number, form.frames * form.width, form.at)
     frame, point = np.nonzero(new)
     at = frame[:, None] * form.width + 4 * point[:, None] + np.arange(4)

@@ -77,9 +77,7 @@ def test_nested_weights_are_those_that_shorter_sums_have_alone():
 
 
 def test_what_cannot_be_learned_is_refused():
-    with pytest.raises(
-        MotiondeckError, match=r"10 parameters are too few; the smallest network of this motion has \d+"
-    ):
+    with pytest.raises(MotiondeckError, match=r"10 parameters are too few; the smallest network has \d+"):
         learned(body_like(), 10)
     with pytest.raises(MotiondeckError, match="nothing moves"):
         learned(np.zeros((240, 3)))

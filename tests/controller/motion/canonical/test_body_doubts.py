@@ -47,7 +47,7 @@ def longer(bone, factor):
         (standing(human(), height=1.5), r"the body floats 0\.\d\d m above the ground all the time: .*--up"),
         (standing(human(), height=0.0), r"the body is 0\.\d\d m below the ground: .*--up"),
         (standing(longer("lkne", 2.5)), r"bone 'lkne', taken for the left thigh, is .*--rename"),
-        (standing(longer("relb", 1.5)), r"bones 'lelb' and 'relb', taken for both upper arms, are .*--rename"),
+        (standing(longer("relb", 1.5)), r"bones 'lelb' and 'relb', taken for upper arms, are .*--rename"),
         (standing(renamed({"lkne": "bone1", "rkne": "bone2"})), r"no names of legs were understood.*--rename"),
         (
             standing(renamed({"lkne": "LeftUpLeg", "rkne": "RightUpLeg", "lank": "LeftLeg", "rank": "RightLeg"})),

@@ -213,7 +213,7 @@ def test_one_frame_duplicate_names_and_missing_end_sites_are_read(tmp_path):
 
 def test_more_frames_than_memory_holds_are_refused_before_they_are_read(tmp_path, monkeypatch):
     monkeypatch.setattr("controller.motion.formats.bvh.MOST_POSES", 30)
-    with pytest.raises(FileFormatError, match=r"more than fit into memory\. Cut the recording into pieces"):
+    with pytest.raises(FileFormatError, match=r"do not fit into memory\. Cut the recording"):
         read_bvh(write(tmp_path, BVH))
 
 

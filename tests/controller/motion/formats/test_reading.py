@@ -45,7 +45,7 @@ def test_two_skeletons_beside_a_recording_are_one_too_many(folder):
 
 def test_a_recording_without_a_skeleton_is_refused(folder):
     (folder / "mannequin.asf").unlink()
-    with pytest.raises(FileFormatError, match=r"no \.asf files beside it\. Give the skeleton .*--skeleton"):
+    with pytest.raises(FileFormatError, match=r"no \.asf files beside it\. Give the recording's own .*--skeleton"):
         read_clip(folder / "bow.amc")
 
 

@@ -89,7 +89,7 @@ def test_the_order_of_isaac_lab_is_not_taken_for_mujocos(tmp_path):
     bodies = np.zeros((40, 3, 3))
     bodies[:, 1:, 1] = 0.1, -0.1
     turns = np.tile([1.0, 0.0, 0.0, 0.0], (40, 3, 1))
-    with pytest.raises(FileFormatError, match=r"order of Isaac Lab.*Add an array 'joint_names'"):
+    with pytest.raises(FileFormatError, match=r"Isaac Lab's order.*Add an array 'joint_names'"):
         read_clip(npz(tmp_path, joint_pos=ANGLES, body_pos_w=bodies, body_quat_w=turns, fps=50))
     bodies[:, 2, 1] = 0.12
     check(read_clip(npz(tmp_path, joint_pos=ANGLES, body_pos_w=bodies, body_quat_w=turns, fps=50)), rate=50.0)

@@ -39,7 +39,7 @@ def test_points_are_written_where_there_were_none(tmp_path, seen, processor, sca
 def test_a_place_beyond_whole_numbers_is_refused(tmp_path, seen):
     file = tmp_path / "lost.c3d"
     file.write_bytes(c3d_bytes(["A", "B", "C"], seen, scale=0.05))
-    with pytest.raises(FileFormatError, match=r"lost\.c3d: a filled point lies beyond"):
+    with pytest.raises(FileFormatError, match=r"lost\.c3d: a filled point is beyond"):
         with_points(file, np.full(seen.shape, 9.0))
 
 
