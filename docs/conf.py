@@ -39,10 +39,20 @@ LINK = re.compile(r"\]\(([\w-]+)\.md\)")
 OUTSIDE = re.compile(r"\[([^\]]*)\]\(\.\./[^)]*\)")
 
 
+# The robot on the first page. The player is that of today; the figure was written by `motiondeck export thesis15
+# --robot servo20 --for web --out FOLDER --motions walk,slow-walk,jog,waltz,box1,cartwheel,getdown,crawl,standup`.
+LIVE = """
+
+<iframe src="live/index.html" title="nine motions on a robot, played here" loading="lazy"
+  style="width: 100%; height: 600px; border: 1px solid #8884; border-radius: 8px"></iframe>
+"""
+
+
 def add_what_the_site_needs(app: Any, page: str, source: list[str]) -> None:
     """Completes README by the tree of pages, and the references by what they are of; unlinks files outside of docs/."""
     text = source[0]
     if page == root_doc:
+        text = text.replace("\n", LIVE, 1)
         for caption, pages in LIST.findall(text):
             text += f"\n```{{toctree}}\n:hidden:\n:caption: {caption}\n\n" + "\n".join(LINK.findall(pages)) + "\n```\n"
     if page == "command-reference":
@@ -76,9 +86,13 @@ def escape_docstring(app: Any, what: str, name: str, thing: object, options: obj
 
 
 def copy_first_page(app: Any, error: Exception | None) -> None:
-    """Makes README.html the page that a web server shows first."""
+    """Makes README.html the page that a web server shows first, and adds what plays on it."""
     if error is None and app.builder.format == "html":
+        from motiondeck.export.web_page import copy_player
+
         shutil.copy(Path(app.outdir, "README.html"), Path(app.outdir, "index.html"))
+        copy_player(Path(app.outdir, "live"))
+        shutil.copy(DOCS / "live/figure.js", Path(app.outdir, "live"))
 
 
 def setup(app: Any) -> None:

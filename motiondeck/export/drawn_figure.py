@@ -13,7 +13,7 @@ from controller.motion.rotations import Array, rotate
 from motiondeck.page.body.solids import batches
 from motiondeck.page.web.stick_figure import figure_svg
 from sim.models.joint_layout import JointLayout
-from sim.models.scenery import body_height
+from sim.models.scenery import LABEL, body_height
 from sim.robots.robot import Robot
 
 MOST_TRIANGLES = 800  # of a mesh: less than on the live page, since the folder is sent to others
@@ -51,17 +51,24 @@ def drawn_figure(model: mujoco.MjModel, layout: JointLayout) -> dict[str, Any]:
             solids.append({"mesh": name, "turn": _short(turn), **where, **look})
     solids.sort(key=lambda solid: -solid["colour"][3])  # what is seen through is drawn last
     root = {"root": int(model.jnt_bodyid[0]), "start": _short(model.qpos0[:7]), "height": body_height(model)}
-    return {**root, "bodies": bodies, "meshes": meshes, "solids": solids}
+    labels = [
+        {"text": site.name.removeprefix(LABEL), "body": int(site.bodyid[0]), "place": _short(site.pos)}
+        for site in map(model.site, range(model.nsite))
+        if site.name.startswith(LABEL)
+    ]
+    return {**root, "bodies": bodies, "meshes": meshes, "solids": solids, "labels": labels}
 
 
 def pictures(library: MotionLibrary, robot: Robot, motions: Collection[str]) -> dict[str, str]:
-    """A picture of each of some motions, as SVG: lines from joint to joint, and to the ends of limbs."""
+    """A picture of each of some motions, as SVG: lines from joint to joint, and to the ends of limbs; none of dials."""
     model, data = robot.model, mujoco.MjData(robot.model)
     root = int(model.jnt_bodyid[0])
     bodies = [body for body in np.flatnonzero(model.body_rootid == root).tolist() if body != root]
     above = {body: int(model.body_parentid[body]) for body in bodies}
     ends = [body for body in bodies if body not in above.values()]
     parents = [bodies.index(above[body]) if above[body] != root else -1 for body in bodies]
+    if max(parents) < 0:
+        return {}
     parents += [bodies.index(body) for body in ends]
     network, found = library.network.twin(), dict[str, str]()
     for motion in (one for one in library.info.motions if one.name in motions):

@@ -4,7 +4,7 @@
 //   joint: {axis, anchor, rest} with `angle`, the number of what is played, or `of` and `curve`, the joint that leads it
 //   and a polynomial, or neither; `slides` if it does
 //   meshes: {name: {vertices: [base64 of float32], faces: [base64 of uint16]}}
-//   solids: [{mesh, body, place, turn, scale, colour: [r, g, b, a]}]; height, m
+//   solids: [{mesh, body, place, turn, scale, colour: [r, g, b, a]}]; labels: [{text, body, place}]; height, m
 const motiondeck = {};
 
 motiondeck.bytes = (text) => Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0)).buffer;
@@ -128,6 +128,12 @@ motiondeck.Scene = class {
     gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
     gl.uniform3fv(this.at.sun, SUN);
     gl.uniform1f(this.at.far, wide);
+    this.labels = figure.labels.map(({ text }) => {
+      const label = document.createElement("span");
+      label.textContent = text;
+      canvas.parentElement.append(label);
+      return label;
+    });
     this.#listen();
   }
 
@@ -181,6 +187,7 @@ motiondeck.Scene = class {
     };
     this.canvas.onpointerup = this.canvas.onpointercancel = (event) => held.delete(event.pointerId);
     this.canvas.onwheel = (event) => {
+      if (window !== window.top && !event.ctrlKey) return; // within another page, which scrolls
       event.preventDefault();
       near(Math.exp(0.001 * event.deltaY));
     };
@@ -206,6 +213,19 @@ motiondeck.Scene = class {
     rows[2][3] += (2 * far * near) / (near - far);
     this.gl.uniform3fv(this.at.eye, eye);
     this.gl.uniformMatrix4fv(this.at.view, false, [0, 1, 2, 3].flatMap((column) => rows.map((row) => row[column])));
+    return rows;
+  }
+
+  // Puts labels where their places are seen.
+  #label(bodies, view) {
+    this.labels.forEach((label, number) => {
+      const { body, place } = this.figure.labels[number];
+      const at = [...plus(plus(bodies[body][0], turned(bodies[body][1], place)), [...this.centre, 0], -1), 1];
+      const [x, y, , w] = view.map((row) => row.reduce((sum, part, k) => sum + part * at[k], 0));
+      const left = `translate(-50%) translate(${Math.round((0.5 + (0.5 * x) / w) * this.canvas.clientWidth)}px, `;
+      const moved = `${left}${Math.round((0.5 - (0.5 * y) / w) * this.canvas.clientHeight)}px)`;
+      if (label.style.transform !== moved) label.style.transform = moved;
+    });
   }
 
   // Draws the bodies where `placed` has them, seen from the centre that the camera follows.
@@ -217,7 +237,7 @@ motiondeck.Scene = class {
     if (canvas.width !== size[0] || canvas.height !== size[1]) [canvas.width, canvas.height] = size;
     gl.viewport(0, 0, ...size);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT | gl.STENCIL_BUFFER_BIT);
-    this.#view();
+    this.#label(bodies, this.#view());
     const models = figure.solids.map((solid) => {
       const [place, turn] = bodies[solid.body];
       const here = plus(plus(place, turned(turn, solid.place)), [...centre, 0], -1);

@@ -3,6 +3,7 @@
 import dataclasses
 import importlib.util
 import runpy
+import shutil
 import threading
 from functools import partial
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
@@ -21,10 +22,11 @@ from controller.networks.clip.network import ClipPlayer
 from controller.networks.keys import Keys
 from controller.wire.messages.commands import EmergencyStop, Jump, Pause, Queue, Reset, Resume, SetTempo, Switch
 from motiondeck.export.golden import deck_trace
-from motiondeck.export.web_page import write_page
+from motiondeck.export.web_page import copy_player, write_page
 from motiondeck_base.shipped import find_library, find_robot
 from sim.robots.robot import load_robot
 
+DOCS = Path(__file__).parents[3] / "docs"
 RATE, FRAMES = 100.0, 120.0
 LENGTHS = {"stroll": 150, "turn": 220, "bow": 180}
 
@@ -97,9 +99,16 @@ def open_page(browser, address):
     page.close()
 
 
-@pytest.mark.parametrize("way", ["server", "disk"])
-def test_page_loads_from_its_own_folder_alone(browser, address, exported, way):
-    base = address if way == "server" else exported[0].as_uri() + "/"
+@pytest.fixture
+def first_page_of_the_docs(tmp_path):
+    copy_player(tmp_path)
+    shutil.copy(DOCS / "live/figure.js", tmp_path)
+    return tmp_path.as_uri() + "/"
+
+
+@pytest.mark.parametrize("way", ["server", "disk", "docs"])
+def test_page_loads_from_its_own_folder_alone(browser, address, exported, first_page_of_the_docs, way):
+    base = {"server": address, "disk": exported[0].as_uri() + "/", "docs": first_page_of_the_docs}[way]
     page, asked, problems = browser.new_page(), [], []
     page.on("request", lambda request: asked.append(request.url))
     page.on("console", lambda message: message.type == "error" and problems.append(message.text))
@@ -150,6 +159,7 @@ SCRIPTED = """async ([script, ticks]) => {
 }"""
 
 
+@pytest.mark.thorough
 def test_a_scripted_minute_is_that_of_the_deck(exported, open_page):
     figure, rng, ticks = exported[1], np.random.default_rng(46), 6000
     script, commands = [], []
@@ -213,7 +223,7 @@ def test_bodies_are_where_mujoco_has_them(robot, open_page):
         assert np.allclose(np.abs(np.sum(np.array(turns) * data.xquat, axis=1)), 1.0, atol=1e-6)
 
 
-PLAYER_WASM = runpy.run_path(str(Path(__file__).parents[3] / "docs/player_wasm.py"))
+PLAYER_WASM = runpy.run_path(str(DOCS / "player_wasm.py"))
 
 
 def test_player_wasm_was_made_from_the_player_as_it_is():
