@@ -14,9 +14,9 @@ def joint_library(joints=4, seed=0, loops=3, shots=2, network=ClipPlayer):
     rng, frames, kinds = np.random.default_rng(seed), {}, {}
     for number in range(loops + shots):
         loop = number < loops
-        name, length = f"{'loop' if loop else 'shot'}{number}", int(rng.choice([60, 72, 77, 113, 120]))
+        name, length = f"{'loop' if loop else 'shot'}{number}", int(rng.choice([120, 132, 150, 163, 180]))
         phase = np.arange(length) * (2.0 * np.pi / length if loop else np.pi / (length - 1))
-        waves = rng.normal(size=(3, joints, 2)) * np.array([0.5, 0.2, 0.05])[:, None, None]
+        waves = rng.normal(size=(3, joints, 2)) * np.array([0.3, 0.1, 0.03])[:, None, None]
         angles = sum(
             wave[:, 0] * np.cos((k + 1) * phase)[:, None] + wave[:, 1] * loop * np.sin((k + 1) * phase)[:, None]
             for k, wave in enumerate(waves)

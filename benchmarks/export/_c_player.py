@@ -34,9 +34,9 @@ class CPlayer:
     def trace(self, figure: Figure, script: Script, ticks: int, measured: Array | None = None) -> Trace:
         """As of `deck_trace`."""
         self._figure.write_bytes(figure.words)
-        names, joints = figure.library.network.motions, len(figure.rest)
+        joints = len(figure.rest)
         start = "n" if measured is None else f"a {' '.join(f'{angle:.9g}' for angle in measured)}"
-        text = "\n".join([start, *(" ".join(map(str, (tick, *spelled(command, names)))) for tick, command in script)])
+        text = "\n".join([start, *(f"{tick} {in_letters(command, figure)}" for tick, command in script)])
         done = subprocess.run([self._program, self._figure, str(ticks)], input=text.encode(), capture_output=True)
         if done.returncode:
             raise RuntimeError(done.stderr.decode())
@@ -45,17 +45,47 @@ class CPlayer:
         return Trace(both[:, 0], both[:, 1], [bool(one) for one in done.stdout[size:]])
 
 
-def random_script(names: Sequence[str], ticks: int, rng: Random, every: float = 40.0) -> list[tuple[int, DeckCommand]]:
+def groups_of(figure: Figure) -> dict[str, list[str]]:
+    """Groups of joints for layers: every other one, and the first half."""
+    joints = list(figure.library.skeleton.bones)
+    return {"even": joints[::2], "half": joints[: len(joints) // 2]}
+
+
+def in_letters(command: DeckCommand, figure: Figure) -> str:
+    """A command as `_replay.c` reads it."""
+    joints, names = list(figure.library.skeleton.bones), figure.library.network.motions
+    match command:
+        case commands.Layer(group=group, to=to, weight=weight, tempo=tempo):
+            mask = 0 if group == "off" else sum(1 << joints.index(one) for one in groups_of(figure)[group])
+            return f"l {-1 if 'off' in (group, to) else names.index(to)} {weight} {tempo} {mask}"
+        case commands.SetInput(name=name, value=value, seconds=seconds):
+            return f"v {joints.index(name)} {value} {seconds} 0"
+        case _:
+            return f"{' '.join(map(str, spelled(command, names)))} 0"
+
+
+def random_script(
+    figure: Figure, ticks: int, rng: Random, every: float = 40.0, *, layered: bool = False
+) -> list[tuple[int, DeckCommand]]:
     """Commands at random, one in `every` ticks in the mean: switches in switches, stops, resets, tempos."""
     made: list[tuple[int, DeckCommand]] = []
-    tick = rng.randrange(60)
+    tick, names, joints = rng.randrange(60), figure.library.network.motions, figure.library.skeleton.bones
     while tick < ticks:
-        one = rng.choice("ssssqqtttjjpgggerrr")
+        one = rng.choice("ssssqqtttjjpgggerrr" + "llllvvvv" * layered)
         command: DeckCommand = {
             "s": lambda: commands.Switch(to=rng.choice(names), direct=rng.random() < 0.3),
             "q": lambda: commands.Queue(to=rng.choice(names)),
             "t": lambda: commands.SetTempo(factor=round(rng.uniform(-3.0, 3.0), 2), over=rng.choice([0.0, 0.0, 0.7])),
             "j": lambda: commands.Jump(phase=round(rng.random(), 3)),
+            "l": lambda: commands.Layer(
+                group=rng.choice(["even", "half", "half", "off"]),
+                to=rng.choice([*names, "off"]),
+                weight=round(rng.random(), 2),
+                tempo=round(rng.uniform(0.0, 3.0), 2),
+            ),
+            "v": lambda: commands.SetInput(
+                name=rng.choice(joints), value=round(rng.uniform(-0.9, 0.9), 3), seconds=rng.choice([0.05, 0.5, 1.5])
+            ),
             "p": commands.Pause,
             "g": commands.Resume,
             "e": commands.EmergencyStop,

@@ -1,13 +1,13 @@
 /* Plays commands from standard input on a figure; writes the targets before and after the limits of each tick.
 
-   replay FIGURE TICKS < "a MEASURED..." or "n", then lines of TICK KIND MOTION VALUE VALUE. At the end comes a byte for
+   replay FIGURE TICKS < "a MEASURED..." or "n", then lines of TICK KIND MOTION VALUE VALUE JOINTS. At the end comes a byte for
    each command: 1 if it was accepted. */
 #include <stdio.h>
 #include <stdlib.h>
 
 #include "player.h"
 
-static int give(md_player *p, char kind, int motion, float value, float other) {
+static int give(md_player *p, char kind, int motion, float value, float other, unsigned long long joints) {
   switch (kind) {
     case 's': return md_switch(p, motion, value != 0.0f);
     case 'q': return md_queue(p, motion);
@@ -17,6 +17,8 @@ static int give(md_player *p, char kind, int motion, float value, float other) {
     case 'g': return md_resume(p);
     case 'e': return md_stop(p), 0;
     case 'r': return md_reset(p);
+    case 'l': return md_layer(p, joints, motion, value, other);
+    case 'v': return md_live(p, motion, value, other);
     case 'h': return md_heartbeat(p, value), 0;
   }
   return -100;
@@ -32,16 +34,18 @@ int main(int count, char **words) {
   fclose(file);
   int ticks = atoi(words[2]), given = 0, due, motion, joints = md_joints(figure);
   float value, other;
+  unsigned long long mask;
   char kind;
   if (scanf(" %c", &kind) != 1) return 2;
   for (int j = 0; kind == 'a' && j < joints; j++)
     if (scanf("%f", measured + j) != 1) return 2;
   int begun = md_begin(&player, figure, kind == 'a' ? measured : 0);
   if (begun) return fprintf(stderr, "md_begin: %d\n", begun), 3;
-  int more = scanf("%d %c %d %f %f", &due, &kind, &motion, &value, &other) == 5;
+#define MORE (scanf("%d %c %d %f %f %llu", &due, &kind, &motion, &value, &other, &mask) == 6)
+  int more = MORE;
   for (int tick = 0; tick < ticks; tick++) {
-    for (; more && due <= tick; more = scanf("%d %c %d %f %f", &due, &kind, &motion, &value, &other) == 5)
-      accepted[given++] = !give(&player, kind, motion, value, other);
+    for (; more && due <= tick; more = MORE)
+      accepted[given++] = !give(&player, kind, motion, value, other, mask);
     const float *safe = md_step(&player);
     fwrite(md_targets(&player), sizeof(float), (size_t)joints, stdout);
     fwrite(safe, sizeof(float), (size_t)joints, stdout);

@@ -18,7 +18,7 @@ import numpy as np
 import typer
 
 from benchmarks.command import run
-from benchmarks.export._c_player import SANITIZED, CPlayer, beyond_limits, random_script, wide
+from benchmarks.export._c_player import SANITIZED, CPlayer, beyond_limits, groups_of, random_script, wide
 from controller.motion.rotations import Array
 from motiondeck.export.figure import Figure
 from motiondeck.export.golden import deck_trace
@@ -34,26 +34,34 @@ def measured(figure: Figure, rng: Random) -> Array:
     return near.astype(np.float32).astype(float)
 
 
-def parted(figure: Figure, player: CPlayer, seeds: Iterable[int]) -> tuple[list[int], list[float]]:
+def parted(figure: Figure, player: CPlayer, seeds: Iterable[int], *, layered: bool) -> tuple[list[int], list[float]]:
     """The sequences in which angles part by 1 mrad, or commands are not taken alike, and how far angles part in all."""
     found, off = list[int](), list[float]()
     for seed in seeds:
         rng = Random(seed)
-        start, script = measured(figure, rng), random_script(figure.library.network.motions, TICKS, rng)
-        deck, ours = (play(figure, script, TICKS, start) for play in (deck_trace, player.trace))
+        start, script = measured(figure, rng), random_script(figure, TICKS, rng, layered=layered)
+        deck, ours = (
+            deck_trace(figure, script, TICKS, start, groups_of(figure)),
+            player.trace(figure, script, TICKS, start),
+        )
         off.append(float(np.abs(deck.safe - ours.safe).max()))
         if off[-1] >= SAME or deck.accepted != ours.accepted:
             found.append(seed)
     return found, off
 
 
-def within_limits(figure: Figure, player: CPlayer, seeds: Iterable[int]) -> tuple[float, float, float]:
+def within_limits(
+    figure: Figure, player: CPlayer, seeds: Iterable[int], *, layered: bool
+) -> tuple[float, float, float]:
     """The largest excess over a limit, as a share of it, and how far from targets C and deck are, rad (rms)."""
     worst, squares = -1.0, list[tuple[float, float]]()
     for seed in seeds:
         rng = Random(seed)
-        start, script = measured(figure, rng), random_script(figure.library.network.motions, TICKS, rng)
-        deck, ours = (play(figure, script, TICKS, start) for play in (deck_trace, player.trace))
+        start, script = measured(figure, rng), random_script(figure, TICKS, rng, layered=layered)
+        deck, ours = (
+            deck_trace(figure, script, TICKS, start, groups_of(figure)),
+            player.trace(figure, script, TICKS, start),
+        )
         worst = max(worst, beyond_limits(figure, start, ours.safe))
         squares.append(
             (float(np.square(ours.safe - ours.targets).mean()), float(np.square(deck.safe - deck.targets).mean()))
@@ -65,20 +73,23 @@ def within_limits(figure: Figure, player: CPlayer, seeds: Iterable[int]) -> tupl
 def main(
     libraries: Annotated[list[str] | None, typer.Argument(help="Libraries and robots, as thesis15:servo20.")] = None,
     sequences: Annotated[int, typer.Option(help="Of each library, of 6 s each.")] = 300,
+    layered: Annotated[bool, typer.Option(help="With layers and live values.")] = False,
     sanitized: Annotated[bool, typer.Option(help="With the sanitizers of the compiler.")] = False,
 ) -> None:
     """Plays random commands on the deck and on the C player."""
     with tempfile.TemporaryDirectory() as folder:
-        player = CPlayer(Path(folder), SANITIZED if sanitized else ())
+        player = CPlayer(Path(folder), ("-DMD_MOST_LAYERS=16", *(SANITIZED if sanitized else ())))
         for name in libraries or ["thesis15:servo20", "cmu86:servo20"]:
             library, _, robot = name.partition(":")
             figure = open_figure(library, robot, None)
-            found, off = parted(wide(figure), player, range(sequences))
+            found, off = parted(wide(figure), player, range(sequences), layered=layered)
             print(f"{name}: {sequences} sequences, {len(found)} part by {1e3 * SAME:g} mrad {found[:8]}")
             print(
                 f"  largest difference: median {1e3 * np.median(off):.3f} mrad, 99 % {1e3 * np.quantile(off, 0.99):.3f}"
             )
-            excess, ours, deck = within_limits(figure, player, range(sequences, sequences + max(1, sequences // 3)))
+            excess, ours, deck = within_limits(
+                figure, player, range(sequences, sequences + max(1, sequences // 3)), layered=layered
+            )
             print(f"  limits: largest excess {excess:.1e} (none below 0)")
             print(f"  from the targets, rms: {1e3 * ours:.2f} mrad (C), {1e3 * deck:.2f} (deck)")
 

@@ -58,7 +58,7 @@ class LiveJoint(Share):
         self._moving = min(max(decay * (self._moving - FOLLOW * pull * dt), -self.speed), self.speed)
         if not still:
             self.left -= dt
-            if self.left <= 0.0:
+            if self.left <= 1e-9:  # what rounding leaves of a sum of ticks
                 self.goal = 0.0
         if not self.goal:
             self.approach(abs(self._at - beneath), dt, may_change=not still)

@@ -1,11 +1,14 @@
 """Golden traces of a figure: what the deck plays of it in virtual time, to test a player against."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
+from types import MappingProxyType
 
 import numpy as np
 
 from controller.deck.deck import Deck
+from controller.deck.layers import Layers
 from controller.loop.commands.commanded_run import CommandedRun
 from controller.loop.run_phases import Source, safe_targets
 from controller.loop.safety.compiled_envelope import safety_envelope
@@ -27,6 +30,7 @@ from controller.wire.messages.commands import (
 from controller.wire.messages.replies import Accepted
 from motiondeck.export.figure import Figure
 
+Groups = Mapping[str, Sequence[str]]
 Script = Sequence[tuple[int, DeckCommand]]
 """Commands, each with the tick before which it is given."""
 
@@ -49,11 +53,17 @@ class _Start:
         self.measured = measured
 
 
-def deck_trace(figure: Figure, script: Script, ticks: int, measured: Array | None = None) -> Trace:
-    """What the deck plays of a figure, from rest at `measured` (J,), rad, or where its first motion begins."""
-    dt, library = 1.0 / figure.rate, figure.library
-    retarget = JointRetargeter(library.skeleton, library.skeleton.bones, figure.rest)
-    deck, stop = Deck(library, retarget, library.network.motions[0]), StopRequest()
+def deck_trace(
+    figure: Figure, script: Script, ticks: int, measured: Array | None = None, groups: Groups = MappingProxyType({})
+) -> Trace:
+    """What the deck plays of a figure, from rest at `measured` (J,), rad, or where its first motion begins.
+
+    Layers take each joint, or those of a group.
+    """
+    dt, library, joints = 1.0 / figure.rate, figure.library, figure.library.skeleton.bones
+    retarget = partial(JointRetargeter, library.skeleton, joints, figure.rest)
+    deck, stop = Deck(library, retarget(), library.network.motions[0]), StopRequest()
+    deck.layers = Layers(library, joints, figure.limits, groups, retarget)
     source, run = Source(deck, dt), CommandedRun(deck)
     steps = safe_targets(source, [_Start(measured)], safety_envelope(figure.limits, dt), stop, np.inf, None)
     due, accepted = list(script), list[bool]()

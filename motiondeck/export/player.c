@@ -29,6 +29,7 @@ enum { WORDS = 1, CHECKSUM, JOINTS, MOTIONS, TICK_RATE, FRAME_RATE, LIMITS, MOTI
 #define LEVER 4.0f      /* m, of the bone that stands for a joint and turns by 1 / LEVER of its angle (joint_angles.py) */
 #define SOON 1e-5f      /* s; times that differ by less are the same */
 #define NONE (-1)
+#define FOLLOW 80.0f /* 1/s (live_values.py) */
 
 enum { RUNNING, BRAKING, LATCHED, HELD };           /* phases of the stop (stop_state.py) */
 enum { STOPPING, MOVING, ARRIVING, FOLLOWING, HOLDING }; /* ways of the joints (run_phases.py) */
@@ -118,7 +119,7 @@ static void take_from(const md_player *p, md_track *t, int place) {
   for (; place < 4; place++) take(p, t, place, onward(t, t->index[place - 1]));
 }
 static void begin_at(const md_player *p, md_track *t, const md_motion *m, int frame) {
-  t->motion = m, t->fraction = 0.0f, t->forwards = 1;
+  t->motion = m, t->fraction = 0.0f, t->forwards = 1, t->backwards = 0;
   take(p, t, 0, frame);
 }
 
@@ -522,7 +523,95 @@ static void advance_tempo(md_player *p) {
   p->tempo += bounded(goal - p->tempo, -most_change, most_change);
 }
 
-/* The deck's next tick: angles without the limits of the joints, in `shown`. */
+/* ---- layers and live values (share.py, layers.py, live_values.py) ---- */
+
+static int arrived(const md_share *s) { return s->share == s->goal; }
+
+static void approach_share(md_share *s, float apart, float dt, int may_change) {
+  float left = s->goal - s->share;
+  s->farthest = most(apart, s->farthest);
+  float slew = least(20.0f, 0.45f * s->acceleration / s->farthest);
+  float fastest = least(least(3.0f, 0.4f * s->speed / s->farthest), s->acceleration / (8.0f * s->speed));
+  float wanted = may_change ? copysignf(least(fastest, sqrtf(slew * fabsf(left))), left) : 0.0f;
+  s->pace = bounded(s->pace + bounded(wanted - s->pace, -slew * dt, slew * dt), -fastest, fastest);
+  if (fabsf(s->pace) < 1e-6f) s->pace = 0.0f;
+  float step = s->pace * dt;
+  if (may_change && fabsf(left) <= most(fabsf(step), 1e-7f) && step * left >= 0.0f)
+    s->share = s->goal, s->pace = 0.0f;
+  else
+    s->share = bounded(s->share + step, 0.0f, 1.0f);
+}
+
+/* Whether the share of a layer may change: one at a time does of those that share a joint, the latest first. */
+static int may_change(const md_player *p, int number) {
+  const md_layer_state *own = p->layer + number;
+  if (p->current || p->fading) return 0;
+  for (int k = 0; k < p->layers; k++) {
+    const md_layer_state *other = p->layer + k;
+    if (k == number || !(other->joints & own->joints)) continue;
+    if (other->share.pace != 0.0f || (k > number && !arrived(&other->share))) return 0;
+  }
+  return 1;
+}
+
+static void mix_layers(md_player *p) {
+  int may[MD_MOST_LAYERS], kept = 0;
+  for (int k = 0; k < p->layers; k++) {
+    md_layer_state *l = p->layer + k;
+    if (l->share.goal != 0.0f && !l->track.motion->loop && has_ended(&l->track)) l->share.goal = 0.0f;
+  }
+  for (int k = 0; k < p->layers; k++) may[k] = may_change(p, k);
+  for (int k = 0; k < p->layers; k++) {
+    md_layer_state *l = p->layer + k;
+    float most_change = TEMPO_RATE * p->dt, apart = 0.0f;
+    l->tempo += bounded(l->commanded_tempo - l->tempo, -most_change, most_change);
+    step_track(p, &l->track, p->dt, p->tempo * l->tempo);
+    for (int j = 0; j < p->joints; j++)
+      if (l->joints >> j & 1) apart = most(apart, fabsf(l->track.now[j] - p->targets[j]));
+    if (!arrived(&l->share) || l->share.pace != 0.0f) approach_share(&l->share, apart, p->dt, may[k]);
+    for (int j = 0; j < p->joints; j++)
+      if (l->joints >> j & 1) p->targets[j] += l->share.share * (l->track.now[j] - p->targets[j]);
+  }
+  for (int k = 0; k < p->layers; k++) {
+    const md_share *s = &p->layer[k].share;
+    if (s->goal == 0.0f && arrived(s)) continue;
+    if (kept < k) p->layer[kept] = p->layer[k];
+    kept++;
+  }
+  p->layers = kept;
+}
+
+static float live_angle(md_player *p, md_live_state *l, float beneath) {
+  float dt = p->dt, goal;
+  if (!l->seen) {
+    l->seen = 1, l->shown = beneath;
+    return beneath;
+  }
+  if (l->seen == 1) l->seen = 2, l->at = l->shown, l->moving = (beneath - l->shown) / dt;
+  goal = p->paused ? l->at : l->value;
+  float off = l->at - goal, pull = l->moving + FOLLOW * off, way = l->share.speed * dt;
+  l->at += bounded(p->decay * (off + pull * dt) - off, -way, way);
+  l->moving = bounded(p->decay * (l->moving - FOLLOW * pull * dt), -l->share.speed, l->share.speed);
+  if (!p->paused) {
+    l->left -= dt;
+    if (l->left <= SOON) l->share.goal = 0.0f;
+  }
+  if (l->share.goal == 0.0f) approach_share(&l->share, fabsf(l->at - beneath), dt, !p->paused);
+  float shown = beneath + l->share.share * (l->at - beneath);
+  l->shown_moving = (shown - l->shown) / dt, l->shown = shown;
+  return shown;
+}
+
+static void mix_live_values(md_player *p) {
+  for (int j = 0; j < p->joints; j++) {
+    md_live_state *l = p->live + j;
+    if (!l->active) continue;
+    p->targets[j] = live_angle(p, l, p->targets[j]);
+    if (l->share.goal == 0.0f && arrived(&l->share)) l->active = 0;
+  }
+}
+
+/* The deck's next tick: angles without the limits of the joints, in `targets`. */
 static void update(md_player *p) {
   advance_tempo(p);
   if (perform(p)) {
@@ -533,6 +622,9 @@ static void update(md_player *p) {
   if (!p->fading) p->limited = 0;
   memcpy(p->before, p->posture, sizeof p->before);
   memcpy(p->posture, p->shown, sizeof p->posture);
+  memcpy(p->targets, p->shown, sizeof p->targets);
+  mix_layers(p);
+  mix_live_values(p);
 }
 
 /* ---- the run (run_phases.py, stop_state.py, approach.py) ---- */
@@ -557,7 +649,7 @@ static const float *brake(md_player *p) {
 static void go_there(md_player *p) {
   const EnvelopeLimits *l = limits_of(p->figure);
   p->way = STOPPING;
-  for (int j = 0; j < p->joints; j++) p->to[j] = bounded(p->posture[j], l[j].lower, l[j].upper);
+  for (int j = 0; j < p->joints; j++) p->to[j] = bounded(p->targets[j], l[j].lower, l[j].upper);
 }
 
 static void start_approach(md_player *p) {
@@ -613,7 +705,7 @@ const float *md_step(md_player *p) {
     p->way = FOLLOWING;
   }
   update(p);
-  return follow(p, p->shown);
+  return follow(p, p->targets);
 }
 
 int md_begin(md_player *p, const uint32_t *figure, const float *measured) {
@@ -622,6 +714,9 @@ int md_begin(md_player *p, const uint32_t *figure, const float *measured) {
   p->figure = figure, p->joints = (int)figure[JOINTS], p->dt = 1.0f / md_rate(figure);
   p->tempo = p->commanded_tempo = 1.0f, p->tempo_rate = TEMPO_RATE;
   p->ahead = NONE, p->jump = -1.0f, p->phase = RUNNING;
+  float y = FOLLOW * p->dt / 64.0f;
+  p->decay = 1.0f - y * (1.0f - y / 2.0f * (1.0f - y / 3.0f * (1.0f - y / 4.0f))); /* exp(-y), then its 64th power */
+  for (int doubled = 0; doubled < 6; doubled++) p->decay *= p->decay;
   enter_phase(p, &p->track, motion_row(figure, 0), 0.0f);
   step_track(p, &p->track, 0.0f, 1.0f);
   memcpy(p->shown, p->track.now, sizeof p->shown);
@@ -696,6 +791,62 @@ int md_jump(md_player *p, float phase) {
   return 0;
 }
 
+static void end_layers(md_player *p, uint64_t joints) {
+  for (int k = 0; k < p->layers; k++)
+    if (!joints || p->layer[k].joints == joints) p->layer[k].share.goal = 0.0f;
+}
+
+int md_layer(md_player *p, uint64_t joints, int motion, float weight, float tempo) {
+  if (stopped(p)) return MD_E_STOPPED;
+  if (!joints || motion == NONE) {
+    end_layers(p, joints);
+    return 0;
+  }
+  int refused = playable(p, motion);
+  if (refused) return refused;
+  if (!(weight >= 0.0f && weight <= 1.0f && tempo >= 0.0f && tempo <= 3.0f)) return MD_E_VALUE;
+  const md_motion *m = motion_row(p->figure, motion);
+  float speed = most(m->speed, p->track.motion->speed);
+  float acceleration = most(m->acceleration, p->track.motion->acceleration);
+  md_layer_state *latest = 0;
+  for (int k = 0; k < p->layers; k++) {
+    md_layer_state *l = p->layer + k;
+    if (l->joints != joints || l->share.goal == 0.0f) continue;
+    speed = most(speed, l->track.motion->speed);
+    acceleration = most(acceleration, l->track.motion->acceleration);
+    latest = l;
+  }
+  if (latest && latest->track.motion == m && m->loop) {
+    latest->share.goal = weight, latest->commanded_tempo = tempo;
+    return 0;
+  }
+  if (p->layers == MD_MOST_LAYERS) return MD_E_FULL;
+  end_layers(p, joints);
+  md_layer_state *l = p->layer + p->layers++;
+  md_share share = {weight, 0.0f, 0.0f, speed, acceleration, 1e-6f};
+  l->share = share, l->joints = joints, l->tempo = l->commanded_tempo = tempo;
+  enter_phase(p, &l->track, m, 0.0f);
+  return 0;
+}
+
+int md_live(md_player *p, int joint, float value, float seconds) {
+  if (stopped(p)) return MD_E_STOPPED;
+  if (!(joint >= 0 && joint < p->joints && value >= -1.0f && value <= 1.0f && seconds >= 0.05f)) return MD_E_VALUE;
+  const EnvelopeLimits *limits = limits_of(p->figure) + joint;
+  md_live_state *l = p->live + joint;
+  float zero = bounded(0.0f, limits->lower, limits->upper);
+  md_share share = {1.0f, 1.0f, 0.0f, limits->v / p->dt, limits->a / (p->dt * p->dt), 1e-6f};
+  if (!l->active) {
+    l->active = 1, l->seen = 0, l->share = share, l->at = l->moving = l->shown_moving = 0.0f;
+  } else if (l->share.goal == 0.0f) {
+    l->at = l->shown, l->moving = l->shown_moving;
+    l->share = share;
+  }
+  l->value = zero + fabsf(value) * ((value > 0.0f ? limits->upper : limits->lower) - zero);
+  l->left = seconds;
+  return 0;
+}
+
 int md_pause(md_player *p) {
   if (stopped(p)) return MD_E_STOPPED;
   p->paused = 1, p->tempo_rate = TEMPO_RATE;
@@ -727,7 +878,7 @@ void md_heartbeat(md_player *p, float within) { p->within = within, p->silent = 
 
 /* ---- what a player tells ---- */
 
-const float *md_targets(const md_player *p) { return p->posture; }
+const float *md_targets(const md_player *p) { return p->targets; }
 int md_playing(const md_player *p) { return motion_index(p, p->track.motion); }
 int md_going_to(const md_player *p) { return p->current ? p->going_to : md_playing(p); }
 float md_phase(const md_player *p) {

@@ -27,12 +27,15 @@
 #define MD_MOST_JOINTS 32
 #endif
 #define MD_MOST_QUEUED 32
+#ifndef MD_MOST_LAYERS
+#define MD_MOST_LAYERS 4 /* coming, playing and going */
+#endif
 
 enum {
   MD_E_FIGURE = -1,  /* no figure, a damaged one, or one with more than MD_MOST_JOINTS joints */
   MD_E_MOTION = -2,  /* there is no such motion */
   MD_E_VALUE = -3,   /* a number out of its range */
-  MD_E_FULL = -4,    /* MD_MOST_QUEUED motions wait already */
+  MD_E_FULL = -4,    /* MD_MOST_QUEUED motions wait already, or MD_MOST_LAYERS layers play */
   MD_E_STOPPED = -5, /* the emergency stop is on */
   MD_E_MOVING = -6   /* the joints still brake for the emergency stop */
 };
@@ -66,6 +69,26 @@ typedef struct {
   int forwards, backwards;
 } md_track;
 
+/* The share that angles have in those beneath, on its way to a goal; speed and acceleration bound how fast it goes. */
+typedef struct {
+  float goal, share, pace, speed, acceleration, farthest;
+} md_share;
+
+/* A motion on some joints, over what else is played. */
+typedef struct {
+  md_share share;
+  md_track track;
+  uint64_t joints; /* a bit for each, the first joint's lowest */
+  float tempo, commanded_tempo;
+} md_layer_state;
+
+/* A joint that follows values from outside. */
+typedef struct {
+  md_share share;
+  int active, seen; /* and how many of its targets are known, up to 2 */
+  float left, value, at, moving, shown, shown_moving;
+} md_live_state;
+
 typedef struct {
   const uint32_t *figure;
   int joints;
@@ -95,6 +118,12 @@ typedef struct {
   float tempo, commanded_tempo, tempo_rate;
   int paused;
 
+  md_layer_state layer[MD_MOST_LAYERS]; /* the lowest first */
+  int layers;
+  md_live_state live[MD_MOST_JOINTS];
+  float decay; /* of a live joint in a tick */
+  float targets[MD_MOST_JOINTS];
+
   /* The run: emergency stop, approach, heartbeat. */
   int phase, way, demanded, missed;
   float from[MD_MOST_JOINTS], to[MD_MOST_JOINTS], approach; /* s */
@@ -119,6 +148,12 @@ int md_switch(md_player *p, int motion, int direct); /* to a motion, by way of o
 int md_queue(md_player *p, int motion);              /* plays a motion after the present round and what waits */
 int md_tempo(md_player *p, float tempo, float over); /* -3 to 3, 1 as recorded, reached within 0 to 60 s */
 int md_jump(md_player *p, float phase);              /* fades to a phase in [0, 1] of the present motion */
+/* Plays a motion on some joints, a bit for each, with a weight from 0 to 1, at 0 to 3 times the tempo; motion -1 ends
+   the layer of these joints, joints 0 all layers. */
+int md_layer(md_player *p, uint64_t joints, int motion, float weight, float tempo);
+/* Holds a joint at -1 (its lower limit) over 0 (its zero) to 1 (its upper one) for some seconds, at least 0.05; then it
+   falls back to the motion. */
+int md_live(md_player *p, int joint, float value, float seconds);
 int md_pause(md_player *p);
 int md_resume(md_player *p);
 void md_stop(md_player *p); /* emergency stop: brakes, and stays so until reset, and then resume or a switch */

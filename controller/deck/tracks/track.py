@@ -150,7 +150,7 @@ class Track:
         """Starts a motion at a phase in [0, 1]."""
         self.player.cue(motion, phase)
         seconds = self.motion.seconds
-        self.at, self._round = min(phase * self.motion.whole, seconds), (0.0, seconds)
+        self.at, self._round, self._backwards = min(phase * self.motion.whole, seconds), (0.0, seconds), False
 
     def morph(self, motion: str, anchor: int, seconds: float) -> None:
         """Starts a morph of the network itself to another motion (`Mixture.morph_to`), which takes some seconds."""
@@ -205,7 +205,7 @@ class Track:
 
     def _enter(self, anchor: int) -> None:
         motion = self.motion
-        self.at = anchor * motion.spacing
+        self.at, self._backwards = anchor * motion.spacing, False
         whole = motion.seconds
         self._round = (self.at - whole, self.at + whole) if motion.loop else (0.0, whole)
 

@@ -11,7 +11,7 @@ from tempfile import mkdtemp
 import numpy as np
 import pytest
 
-from benchmarks.export._c_player import SANITIZED, CPlayer, beyond_limits, random_script, wide
+from benchmarks.export._c_player import SANITIZED, CPlayer, beyond_limits, groups_of, random_script, wide
 from command_line import motiondeck
 from controller.deck.interfaces import JointLimits
 from controller.wire.messages import commands
@@ -35,15 +35,15 @@ def figure(seed=0):
 
 @cache
 def player(*flags):
-    return CPlayer(Path(mkdtemp()), flags)
+    return CPlayer(Path(mkdtemp()), ("-DMD_MOST_LAYERS=16", *flags))
 
 
 @pytest.mark.parametrize("seed", range(24))
 def test_random_commands_lead_to_the_angles_of_the_deck(seed):
     rng, one = Random(seed), wide(figure(seed % 3))
-    script = random_script(one.library.network.motions, TICKS, rng)
+    script = random_script(one, TICKS, rng, layered=seed % 2 == 1)
     measured = np.array([rng.uniform(-0.5, 0.5) for _ in range(JOINTS)], dtype=np.float32).astype(float)
-    deck, ours = (play(one, script, TICKS, measured) for play in (deck_trace, player().trace))
+    deck, ours = deck_trace(one, script, TICKS, measured, groups_of(one)), player().trace(one, script, TICKS, measured)
     assert ours.accepted == deck.accepted
     assert np.abs(ours.safe - deck.safe).max() < 1e-3
 
@@ -51,7 +51,7 @@ def test_random_commands_lead_to_the_angles_of_the_deck(seed):
 @pytest.mark.parametrize("seed", range(100, 112))
 def test_no_limit_is_broken_whatever_is_commanded(seed):
     rng, one = Random(seed), figure(seed % 3)
-    script = random_script(one.library.network.motions, 600, rng, every=25.0)
+    script = random_script(one, 600, rng, 25.0, layered=seed % 2 == 1)
     measured = np.array([rng.uniform(-1.0, 1.0) for _ in range(JOINTS)], dtype=np.float32).astype(float)
     ours = player().trace(one, script, 600, measured)
     assert beyond_limits(one, measured, ours.safe) <= 0.0
@@ -69,7 +69,7 @@ def test_a_missed_heartbeat_pauses_and_a_given_one_does_not():
 @pytest.mark.thorough
 def test_sanitizers_find_nothing_and_a_damaged_figure_is_refused():
     one, checked = figure(), player(*SANITIZED)
-    script = random_script(one.library.network.motions, 900, Random(5), every=15.0)
+    script = random_script(one, 900, Random(5), 15.0, layered=True)
     assert np.array_equal(checked.trace(one, script, 900).safe, player().trace(one, script, 900).safe)
     for place in (0, 8, 400, len(one.words) - 1):
         words = bytearray(one.words)
