@@ -119,8 +119,7 @@ def read_bytes(path: str | Path, largest: int = LARGEST, *, archive: bool = Fals
         raise FileFormatError(f"{path}: the file is empty. Fetch it again.")
     if len(content) > largest:
         raise FileFormatError(
-            f"{path}: larger than {largest // 2**20} MiB, the most that is read. Is it the right file? "
-            "Cut a longer recording into pieces."
+            f"{path}: larger than {largest // 2**20} MiB, the most that is read. Cut a recording into pieces."
         )
     if found := what_it_is(path, content, archive=archive):
         raise FileFormatError(f"{path}: {found}")

@@ -148,8 +148,7 @@ def _connected(address: str) -> Any:
         for worker, theirs in client.run(version, "motiondeck", on_error="return").items():
             if theirs != ours:
                 raise MotiondeckError(
-                    f"dask://{address}: worker {worker} has motiondeck {theirs}, and {ours} is here. "
-                    "Install the same on both"
+                    f"dask://{address}: worker {worker} has motiondeck {theirs}, not {ours}. Install the same on both"
                 )
     except BaseException:
         client.close()

@@ -24,10 +24,7 @@ DEFAULT_PORT = 47810
 STOP_DOOR = ".stop"  # what the name of the stop door has behind the number of its deck
 
 MOST_CLIENTS = 64
-FULL = (
-    f"the deck is full: {MOST_CLIENTS} programs are connected, as many as it takes. End one of them. "
-    "An emergency stop is taken all the same"
-)
+FULL = f"the deck is full: {MOST_CLIENTS} programs are connected. End one; an emergency stop is taken all the same"
 TURNED_AWAY = f'{{"type":"refused","reason":"{FULL}"}}'.encode()
 """The last words of a full deck on a connection that it ends."""
 
@@ -57,8 +54,7 @@ def command_folder() -> Path:
         about = folder.lstat()
     except OSError as error:
         raise SocketError(
-            f"{folder}: the folder for command sockets cannot be made ({error.strerror or error}). "
-            "Set XDG_RUNTIME_DIR to a folder of your own"
+            f"{folder}: cannot be made ({error.strerror or error}). Set XDG_RUNTIME_DIR to a folder of your own"
         ) from error
     if not stat.S_ISDIR(about.st_mode) or about.st_uid != user or about.st_mode & 0o077:
         raise SocketError(f"{folder}: others could command the deck here. Remove it, or: chmod 700 {folder}")

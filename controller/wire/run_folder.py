@@ -26,8 +26,7 @@ def run_folder() -> Iterator[Path]:
         folder, lock = _locked_folder(root)
     except OSError as error:
         raise MotiondeckError(
-            f"no temporary folder can be made ({error.strerror or error}). Free some room, or set TMPDIR to a folder "
-            "that can be written"
+            f"no temporary folder can be made ({error.strerror or error}). Free some room, or set TMPDIR to another"
         ) from error
     try:
         yield folder

@@ -190,8 +190,7 @@ def measured_joint(
     if kept_high - kept_low <= joint.table.pulses_per_turn < kept_high - kept_low + 2.0 * NEAR * abs(per_radian):
         lower, upper = lower + NEAR, upper - NEAR
         notes.append(
-            f"{joint.name}: {math.degrees(NEAR):.0f} degrees at each end are given up, so that its place in one turn "
-            "tells where it stands"
+            f"{joint.name}: {math.degrees(NEAR):.0f} degrees at each end are given up, so that one turn tells its place"
         )
     try:
         return msgspec.structs.replace(

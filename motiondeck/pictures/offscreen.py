@@ -34,10 +34,7 @@ DETAIL, EDGE = 2.0, 60
 GHOST, PRINT = (0.35, 0.6, 0.85, 0.35), (0.24, 0.28, 0.34, 1.0)
 LARGE = 400  # rows of a picture that is large enough to be smoothed
 
-INSTALL = (
-    "no off-screen OpenGL found. Install EGL (Debian: apt install libegl1 libgl1 libgl1-mesa-dri) or OSMesa "
-    "(Debian: apt install libosmesa6)."
-)
+INSTALL = "no off-screen OpenGL found. On Debian: apt install libegl1 libgl1 libgl1-mesa-dri, or libosmesa6."
 
 
 class OffScreen:

@@ -35,8 +35,7 @@ def make_certificates(folder: Path, show: str, members: Mapping[str, str]) -> li
         if place == same:
             host, port = place
             raise MotiondeckError(
-                f"{one} and {other} have one address, {host}:{port}; give {other} another port, such as "
-                f"{other}={host}:{port + 1}"
+                f"{one} and {other} have one address, {host}:{port}; give another port: {other}={host}:{port + 1}"
             )
     try:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)

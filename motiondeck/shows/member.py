@@ -178,8 +178,7 @@ class Member:
         if alone > ALONE_AFTER and not self._reported_alone:
             self._reported_alone = True
             self._notify(
-                f"no conductor has answered for {ALONE_AFTER:g} s: is it running, for the same show, with certificates "
-                "of one authority?"
+                f"no conductor has answered for {ALONE_AFTER:g} s: does it run, with certificates of one authority?"
             )
         if self._lost or not time_now.run or now - self._answered_at <= time_now.after:
             return

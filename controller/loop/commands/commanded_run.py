@@ -178,8 +178,7 @@ class CommandedRun:
         if not self._code or message.code != self._code:
             self._code = float(random.randrange(1000, 10000))
             raise EmergencyStopError(
-                f"a reset from another machine has to be confirmed: make sure that the robot is clear, then give "
-                f"reset {self._code:.0f}"
+                f"a reset from another machine has to be confirmed: if the robot is clear, give reset {self._code:.0f}"
             )
 
     def _load(self, message: commands.LoadLibrary, stop: StopRequest, remote: bool) -> None:

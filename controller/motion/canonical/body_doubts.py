@@ -76,10 +76,7 @@ def other_doubts(clip: Clip) -> list[str]:
     bones, above = clip.rotation[:, 1:], clip.rotation[:, 1 + skeleton.parent]
     turns = np.degrees(2.0 * np.arccos(np.clip(np.abs(dot(bones, above)), 0.0, 1.0)))
     if np.ptp(turns, axis=0).max(initial=0.0) > MOVES and turns.max() < WITHIN_A_TURN:
-        found.append(
-            f"no joint turns by more than {turns.max():.1f} degrees: the file's angles may be radians. Write them in "
-            "degrees (times 57.3)."
-        )
+        found.append(f"no joint turns by more than {turns.max():.1f} degrees: are the angles radians? Write degrees.")
     if np.median(head - toes) < -UPSIDE_DOWN * own.skeleton.leg_length:
         found.append("the head is below the feet most of the time: the up axis may be wrong (--up).")
     spans = joints[:, [1 + CANONICAL_BONES.index(bone) for bone in ("neck", "lank", "rank")]] - joints[:, :1]

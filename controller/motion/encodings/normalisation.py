@@ -42,8 +42,7 @@ class Normalisation:
         """
         if not patterns or any(p.ndim != 2 or p.shape[1] != patterns[0].shape[1] or len(p) == 0 for p in patterns):
             raise MotiondeckError(
-                f"normalisation: patterns of shape {[p.shape for p in patterns]}; expected frames x channels, "
-                "as many channels in each"
+                f"normalisation: patterns of shape {[p.shape for p in patterns]}; expected frames x channels, the same"
             )
         low = np.min([pattern.min(axis=0) for pattern in patterns], axis=0).astype(np.float64)
         high = np.max([pattern.max(axis=0) for pattern in patterns], axis=0).astype(np.float64)

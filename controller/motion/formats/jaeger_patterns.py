@@ -67,8 +67,7 @@ def read_pattern(path: str | Path, options: ReadingOptions = AS_FOUND) -> Clip:
         frame, bone = np.argwhere(np.abs(norms - 1.0) > 1e-6)[0]
         raise FileFormatError(
             f"{path}: nnRawData{pattern}, frame {frame + 1}: the direction of bone '{JAEGER_BONES[bone]}' is no unit "
-            f"vector across the heading (its length is {norms[frame, bone]:.6g}). "
-            "Give the raw pattern, not a normalised one."
+            f"vector (its length is {norms[frame, bone]:.6g}). Give the raw pattern, not a normalised one."
         )
     channels[:, HEIGHT] *= MILLIMETRE
     channels[:, TURN_RATE] *= RATE

@@ -82,8 +82,7 @@ def open_gamepad(path: Path | None) -> InputDevice[str]:
             if _is_gamepad(device.capabilities(absinfo=False)):
                 return device
         raise MotiondeckError(
-            "there is no gamepad that you may read. Plug one in; if it is, run: sudo usermod -aG input $USER, "
-            "and log in again"
+            "there is no gamepad that you may read. Plug one in, or: sudo usermod -aG input $USER, and log in again"
         )
     try:
         device = evdev.InputDevice(str(path))
@@ -196,8 +195,7 @@ def gamepad(
     client = CommandClient(command_port)
     try:
         print(
-            "cross: motion, left stick: tempo, A: pause, B: emergency stop, Y: reset, X: home, "
-            "right shoulder: tap a beat, Start: stop"
+            "cross: motion, left stick: tempo, A: pause, B: emergency stop, Y: reset, X: home, R: a beat, Start: stop"
         )
         drive(pad, client)
     except KeyboardInterrupt:

@@ -101,5 +101,5 @@ def test_what_the_rig_may_not_repeat_is_named(rig_of_four):
     angles[:, 0] = np.where(t > 0.5, 0.5, 0.0)
     said = beyond_limits(rig_of_four, angles, 100.0)
     assert len(said) == 2
-    assert "joint_3 went from -1.39 to -0.00 rad, it may -1 to 1.5" in said[1]
+    assert "joint_3 went -1.39 to -0.00 rad, it may -1 to 1.5" in said[1]
     assert "joint_1 was moved at 25.0 rad/s, it may 4" in said[0]

@@ -173,7 +173,7 @@ def test_a_deck_that_no_conductor_ever_answers_says_so_once_and_what_to_check():
         stage.play(60.0)
         assert stage.told == [
             "no conductor is heard yet; the deck waits for one up to 10 s before it moves",
-            "no conductor has answered for 10 s: is it running, for the same show, with certificates of one authority?",
+            "no conductor has answered for 10 s: does it run, with certificates of one authority?",
         ]
         stage.link.there = True
         stage.play(1.0)

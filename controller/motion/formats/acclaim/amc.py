@@ -79,8 +79,7 @@ def _values(path: str | Path, skeleton: AcclaimSkeleton, columns: Columns) -> tu
             _check_frame(begin, row, skeleton, columns)
             if begin is not None and int(name) != int(begin.words[0]) + 1:
                 raise Line(path, number, words).error(
-                    f"frame {name} follows frame {begin.words[0]}: frames are missing or out of order. "
-                    "Fetch the file again."
+                    f"frame {name} follows frame {begin.words[0]}: frames are missing or out of order. Fetch it again."
                 )
             begin = Line(path, number, words)
             rows.append([None] * width)
@@ -109,8 +108,7 @@ def _check_angles(path: str | Path, size: Array, angle_unit: float, declared: bo
         return
     if angle_unit == 1.0 and np.percentile(size, 95.0) > turn:
         raise FileFormatError(
-            f"{path}: angles up to {size.max():.0f} would be radians; they are degrees. Write ':DEGREES' on a line "
-            "before the first frame."
+            f"{path}: angles up to {size.max():.0f} are no radians. Write ':DEGREES' before the first frame."
         )
     if angle_unit != 1.0 and not declared and size.max() < turn:
         raise FileFormatError(

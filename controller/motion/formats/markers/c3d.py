@@ -80,8 +80,7 @@ def read_layout(path: str | Path, content: bytes) -> C3dLayout:
     there = (len(content) - at) // size if at >= BLOCK else 0
     if not 0 < frames <= there:
         raise FileFormatError(
-            f"{path}: {frames} frames of {points} points are announced, but there are {max(there, 0)}. "
-            "The file is cut short: fetch it again."
+            f"{path}: {frames} frames of {points} points are announced, {max(there, 0)} are there. Fetch it again."
         )
     unit = UNITS.get(_text(parameters, "POINT:UNITS").lower().rstrip("."))
     return C3dLayout(processor, parameters, at, frames, points, width, scale, rate, unit)

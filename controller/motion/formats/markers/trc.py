@@ -55,8 +55,7 @@ def read_trc(path: str | Path, options: ReadingOptions = AS_FOUND) -> Markers:
     # A cropped recording keeps the number in line 3; a broken transfer ends within a line.
     if len(rows) == 0 or (len(rows) < announced and len(rows[-1][1].split("\t")) < len(rows[0][1].split("\t"))):
         raise FileFormatError(
-            f"{path}: {announced:g} frames are announced, but {len(rows)} follow, and the last line is cut short. "
-            "Fetch it again."
+            f"{path}: {announced:g} frames are announced, but {len(rows)} follow, and the last line is cut short."
         )
     if np.isnan(position).all():
         raise FileFormatError(f"{path}: no marker was ever seen ({listed(names)}). Give another recording.")

@@ -85,7 +85,7 @@ def test_values_beyond_the_fitted_range_go_beyond_one_and_back():
         ([], "expected frames x channels"),
         ([np.zeros(4)], "expected frames x channels"),
         ([np.zeros((0, 4))], "expected frames x channels"),
-        ([np.zeros((3, 4)), np.zeros((3, 5))], "as many channels in each"),
+        ([np.zeros((3, 4)), np.zeros((3, 5))], "channels, the same"),
         ([np.array([[0.0, np.nan]])], "channel 1 holds a number that is not finite"),
         ([np.array([[np.inf, 0.0]])], "channel 0 holds a number that is not finite"),
         ([np.array([[-1e308], [1e308]])], "channel 0 holds a number that is not finite or far too large"),

@@ -324,6 +324,6 @@ def test_angles_that_cannot_be_of_their_unit_are_refused(files):
     np.testing.assert_allclose(files(asf, degrees).rotation, files(asf, ":RADIANS\n" + radians).rotation, atol=1e-4)
     with pytest.raises(FileFormatError, match=r"bow\.amc: no angle is larger than 1\.0.* Write ':RADIANS'"):
         files(asf, radians)
-    with pytest.raises(FileFormatError, match=r"bow\.amc: angles up to 60 would be radians.* Write ':DEGREES'"):
+    with pytest.raises(FileFormatError, match=r"bow\.amc: angles up to 60 are no radians.* Write ':DEGREES'"):
         files(asf, ":RADIANS\n" + degrees)
     files(asf, ":DEGREES\n" + radians)  # what the file says counts; `body_doubts` tells that it may be wrong

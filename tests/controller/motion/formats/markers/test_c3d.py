@@ -82,7 +82,7 @@ def test_more_frames_than_the_header_can_count(tmp_path):
         (b"\2\x50" + bytes(2000), "unknown kind of machine"),
         (b"BVH" + bytes(2000), "no C3D file"),
         (b"\x50\x50" + bytes(2000), "its parameters are not in the file"),
-        (c3d_bytes(LABELS, points())[:-1], "4 frames of 3 points are announced, but there are 3"),
+        (c3d_bytes(LABELS, points())[:-1], "4 frames of 3 points are announced, 3 are there"),
         (c3d_bytes(LABELS, points(), rate=0.0), "a rate of 0 frames"),
         (c3d_bytes(LABELS, points() * np.nan), "no point was ever seen"),
         (c3d_bytes(LABELS, points()).replace(b"SCALE\x09\0\x04", b"SCALE\x09\0\x07"), "its parameters are damaged"),
