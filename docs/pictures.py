@@ -13,7 +13,7 @@ import os
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from pathlib import Path
 
 os.environ.setdefault("MUJOCO_GL", "egl")
@@ -22,12 +22,13 @@ import numpy as np
 from PIL import Image, ImageSequence
 
 from controller.deck.deck import Deck
-from controller.library.motion_library import load_library
+from controller.library.motion_library import MotionLibrary
 from controller.networks.orbits import orbits
+from motiondeck.libraries import load_library
 from motiondeck.pictures.figures import new_figure, save
 from motiondeck.pictures.offscreen import OffScreen
 from motiondeck.pictures.video import contact_sheet
-from motiondeck_base.shipped import find_library, find_robot
+from motiondeck_base.shipped import find_robot
 from sim.physics.kinematic_playback import KinematicPlayback
 from sim.physics.playback import PhysicsPlayback
 from sim.physics.walking.preview import AHEAD
@@ -49,12 +50,33 @@ def benchmark(*words: str | Path) -> None:
     subprocess.run([sys.executable, "-m", "benchmarks", *map(str, words)], check=True, cwd=DOCS.parent)
 
 
-def draw_sheet(library: str, robot: str, out: Path) -> None:
+MORPHS = {
+    "0.5 walk + 0.5 waltz": "half",
+    "walk & waltz & ~jog": "not-jog",
+    "1.25 walk - 0.25 jog": "beyond",
+    "0.5 slow-walk + 0.5 jog": "hurry",
+    "0.5 box1 + 0.5 box3": "boxes",
+}
+
+
+def morphs() -> None:
+    """Loops that are computed from those of the shipped library, below these."""
+    library = load_library("thesis15")
+    for expression, name in MORPHS.items():
+        library = library.morph(expression, name)
+    rows = ("walk", "waltz", "slow-walk", "jog", "box1", "box3", *MORPHS.values())
+    draw_sheet(library.model, "mannequin", out := PICTURES / "morphs.webp", rows)
+    sheet = Image.open(out).convert("RGB")
+    sheet.resize((sheet.width * 3 // 5, sheet.height * 3 // 5)).save(out, quality=75)
+
+
+def draw_sheet(loaded: MotionLibrary, robot: str, out: Path, rows_of: Collection[str] = ()) -> None:
     """One row a motion: eight pictures, spread over one period of a loop or the moving part of a single act."""
-    loaded = load_library(find_library(library))
     body = load_robot(find_robot(robot), loaded.skeleton)
     rows = []
     for motion in loaded.info.motions:
+        if rows_of and motion.name not in rows_of:
+            continue
         # A third of what a single act was learned from is the pose that it holds in the end.
         seconds = motion.frames / loaded.info.rate * (1.0 if motion.plays == "loop" else 0.6)
         deck, stage, moments = Deck(loaded, body.retarget, motion.name), KinematicPlayback(body), []
@@ -106,7 +128,7 @@ def walk() -> None:
 
 def beside() -> None:
     """The human's walk, and the robots on their own feet at the same times of it."""
-    library = load_library(find_library("thesis15"))
+    library = load_library("thesis15").model
     first, apart, lag = round(6.0 / DT), round(0.2 / DT), round(AHEAD / DT)
     ticks = range(first, first + 8 * apart, apart)
     human = load_robot(find_robot("mannequin"), library.skeleton)
@@ -127,7 +149,7 @@ def beside() -> None:
 
 def rise() -> None:
     """A walking robot is pushed over backwards, and gets up."""
-    library = load_library(find_library("thesis15"))
+    library = load_library("thesis15").model
     robot = load_robot(find_robot("servo20"), library.skeleton)
     deck, stage = Deck(library, robot.retarget, "walk"), PhysicsPlayback(robot, DT, "free", walk=True)
     times, pictures = iter((2.0, 2.5, 3.0, 4.0, 5.8, 6.3, 7.2, 8.8, 10.2, 11.6, 13.2, 15.8)), []
@@ -149,7 +171,7 @@ def rise() -> None:
 
 def network() -> None:
     """The orbits of the shipped network's neurons, and how its motions overlap."""
-    library = load_library(find_library("thesis15"))
+    library = load_library("thesis15").model
     assert library.network.activation is not None
     found = orbits(library.network, {motion.name: motion.frames for motion in library.info.motions})
     figure = new_figure(11.0, 5.0)
@@ -182,8 +204,11 @@ MADE: dict[str, Callable[[], object]] = {
     "walk-beside-human": beside,
     "rise-servo20": rise,
     "network-inside": network,
-    "thesis15-mannequin": lambda: draw_sheet("thesis15", "mannequin", DOCS / "thesis15-mannequin.png"),
-    "thesis15-servo20": lambda: draw_sheet("thesis15", "servo20", DOCS / "thesis15-servo20.png"),
+    "morphs": morphs,
+    "thesis15-mannequin": lambda: draw_sheet(
+        load_library("thesis15").model, "mannequin", DOCS / "thesis15-mannequin.png"
+    ),
+    "thesis15-servo20": lambda: draw_sheet(load_library("thesis15").model, "servo20", DOCS / "thesis15-servo20.png"),
     "balance": lambda: benchmark("balance", "--sheet", DOCS / "balance.png"),
     "centralized-growth": lambda: benchmark("centralized_growth", "--plot", PICTURES / "centralized-growth.png"),
 }

@@ -123,6 +123,18 @@ class Library:
         """The same step by step: `step(dt)` advances by dt seconds and returns the channels, shape (C,)."""
         return MotionGenerator(self.model, motion, tempo=tempo, phase=phase, inputs=inputs)
 
+    def morph(self, expression: str, name: str) -> Library:
+        """The library with one more loop, computed from others by their conceptors.
+
+        "0.5 walk + 0.5 waltz" is between both, "1.2 walk - 0.2 jog" beyond the first; &, | and ~ are AND, OR and NOT of
+        what conceptors let through ("walk & waltz & ~jog"). If it stands still or jerks, `failed` says so.
+
+        MotiondeckError if the expression cannot be read, or the motions of the library do not share their readout.
+        """
+        from controller.learning.motion_algebra import compute_motion
+
+        return Library(compute_motion(self.model, expression, name).library, self.left_out)
+
     def save(self, path: str | Path) -> None:
         """Writes the library into one file (.safetensors), whole or not at all.
 

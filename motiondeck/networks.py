@@ -49,7 +49,6 @@ from controller.networks.centralized.switching_design import ModuleDesign, Switc
 from controller.networks.centralized.switching_module import Command, SwitchingModule, clamp, collapse_and_kick, excite
 from controller.networks.conceptor.network import ConceptorNetwork
 from controller.networks.echo_state.network import EchoStateNetwork
-from controller.networks.phase_conceptor.morph import PhaseMorph
 from controller.networks.phase_conceptor.network import PhaseConceptorNetwork
 from controller.networks.phase_echo_state.network import PhaseEchoStateNetwork
 from controller.networks.reservoirs.completion import Completion, LiveCompletion
@@ -77,7 +76,7 @@ def morph(network: AnyNetwork, source: str, target: str) -> Morph:
     MotiondeckError if it does not play the source, or a center drives it. UnknownNameError if there is no such motion.
     """
     if (autonomous := network.as_autonomous) is None:
-        raise MotiondeckError(f"a {network.kind} network is not morphed; PhaseMorph is for phase-conceptor loops")
+        raise MotiondeckError(f"a {network.kind} network is not morphed; Library.morph mixes shared-conceptor loops")
     return autonomous.morph(source, target)
 
 
@@ -112,7 +111,6 @@ __all__ = [
     "PhaseConceptorNetwork",
     "PhaseEchoStateNetwork",
     "PhaseEchoStateRecipe",
-    "PhaseMorph",
     "PhaseRecipe",
     "PolynomialSatellites",
     "Reservoir",

@@ -1,13 +1,15 @@
-"""Mixtures of all pairs of loops, inside a network and in the deck.
+"""Mixtures of all pairs of loops, by their conceptors and in the deck.
 
-    python -m benchmarks phase_morphs [--library thesis15] [--mu -0.3 0.25 0.5 0.75 1.3] [--json]
+    python -m benchmarks phase_morphs [--library thesis15] [--mu -0.25 0.25 0.5 0.75 1.25] [--every 1] [--json]
+    python -m benchmarks phase_morphs --data DIR --source cmu --seed 21      # of a network that is trained for it
 
-Each mixture plays until it has settled; what counts is a round of it. Joints are those of the decoded body, whose bones
-keep their length whatever the channels are.
+Each mixture, (1 - mu) of one loop and mu of another (`controller/learning/motion_algebra.py`), plays until it has
+settled; what counts is a round of it. Joints are those of the decoded body, whose bones keep their length.
 
-- still: pairs whose joints move less than a tenth as much as those of both motions played in step;
-- activity: the root mean square speed of the joints, relative to both played in step (channels mixed, then decoded);
-- jerk: the largest of any joint, relative to the larger of both motions' own; and that of both played in step.
+- still: pairs whose joints move less than a quarter as fast as the motions do;
+- activity: the root mean square speed of the joints, relative to the mean of both motions in step;
+- jerk: the largest of any joint, relative to the larger of both motions' own; and that of both channels mixed in step;
+- slide: the median speed of the lowest joint along the ground, less the mean of both motions' own, mm/s.
 
 The deck's blend is that of `controller/deck/joins/posture_blend.py`, bone by bone along rotations, of both in step;
 with mu below 0 or above 1 it goes beyond one of them.
@@ -22,44 +24,60 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import argparse
 import itertools
 import json
-import sys
 from dataclasses import replace
+from pathlib import Path
 
+import msgspec
 import numpy as np
 
+from benchmarks.reservoirs.phase_networks import learned, training_set
 from controller.deck.joins.posture_blend import PostureBlend
+from controller.learning.motion_algebra import mixed_conceptor, play_mixed
+from controller.learning.trainers.shared_conceptor import SharedConceptorRecipe
 from controller.library.motion_library import MotionLibrary, load_library
-from controller.motion.encodings.encoding import Encoding
-from controller.motion.encodings.motion_matching import joint_features
+from controller.motion.clip import between_rows, walked_clip
 from controller.motion.rotations import Array
-from controller.networks.phase_conceptor.morph import PhaseMorph, channels_at
-from controller.networks.phase_conceptor.network import PhaseConceptorNetwork
-from motiondeck_base.errors import MotiondeckError
+from controller.motion.skeleton import Posture
+from controller.networks.phase_conceptor.network import PhaseConceptorMotion
 from motiondeck_base.shipped import find_library
 
 SETTLED_ROUNDS = 2
-COLUMNS = ("activity", "jerk", "in step", "deck activity", "deck jerk")
+COLUMNS = ("activity", "jerk", "slide", "in step", "deck activity", "deck jerk", "deck slide")
+SPREAD = {"activity": (0, 50, 100), "jerk": (50, 95, 100), "in step": (50, 95, 100), "slide": (50, 100)}
 
 
-def speed_and_jerk(encoding: Encoding, channels: Array) -> tuple[float, float]:
-    """The root mean square speed and the largest jerk of the joints over a round, mm a frame and mm a frame^3."""
-    return _speed_and_jerk(joint_features(encoding, np.concatenate([channels, channels[:3]])))
+def in_step(motion: PhaseConceptorMotion, frames: int) -> Array:
+    """The channels of a loop over a round of the reservoir's phase, from 0 on, between frames linearly."""
+    channels = motion.read()
+    share = np.arange(frames) / frames - motion.course.turn / (2.0 * np.pi)
+    return between_rows(np.vstack([channels, channels[:1]]), np.arange(len(channels) + 1), share % 1.0 * len(channels))
 
 
-def _speed_and_jerk(joints: Array) -> tuple[float, float]:
-    """The same of features (T + 3, F): a round and the three frames after it."""
-    speed = np.sqrt(np.square(np.diff(joints[:-2], axis=0)).mean())
-    return float(speed), float(np.abs(np.diff(joints, n=3, axis=0)).max())
+def shown(library: MotionLibrary, postures: Posture) -> tuple[float, float, float]:
+    """Speed (mm a frame) and largest jerk (mm a frame^3) of the joints over a round; slide (mm/s).
+
+    The postures, (T + 3), are those of the round and of the three frames after it.
+    """
+    clip = walked_clip("", library.skeleton, postures, library.info.rate)
+    places = library.skeleton.joints(clip.root_position, clip.rotation)
+    joints = library.skeleton.joints(np.zeros_like(clip.root_position), clip.rotation)[:, 1:]
+    seen = 1e3 * np.column_stack([joints.reshape(len(joints), -1), postures.height])
+    speed = float(np.sqrt(np.square(np.diff(seen[:-2], axis=0)).mean()))
+    lowest = places[:-1, :, 2].argmin(1)
+    way = (places[1:] - places[:-1])[np.arange(len(lowest)), lowest, :2]
+    slide = 1e3 * library.info.rate * float(np.median(np.linalg.norm(way, axis=1)))
+    return speed, float(np.abs(np.diff(seen, n=3, axis=0)).max()), slide
 
 
-def blended(library: MotionLibrary, channels: tuple[Array, Array], tempos: tuple[float, float], mu: float) -> Array:
-    """The features of the deck's blend over one round and three frames more, shape (T + 3, F), mm.
+def round_of(library: MotionLibrary, channels: Array) -> Posture:
+    """The postures of a round (T, C) and of three frames more."""
+    return library.encoding.decode(np.concatenate([channels, channels[:3]]))
 
-    Args:
-        library: whose body it is.
-        channels: a round of either motion in step, shape (T, C).
-        tempos: of either, 1 being its own.
-        mu: the share of the second.
+
+def blended(library: MotionLibrary, channels: list[Array], tempos: list[float], mu: float) -> Posture:
+    """The deck's blend over one round of either motion in step, (T, C), with mu of the second, and three frames more.
+
+    The motions play at `tempos`, 1 being their own.
     """
     encoding, rate = library.encoding, library.info.rate
     rest = encoding.skeleton.rest_direction if encoding.twist_by_rule else None
@@ -73,38 +91,48 @@ def blended(library: MotionLibrary, channels: tuple[Array, Array], tempos: tuple
     ]
     blend = PostureBlend(postures[0][0], rest)
     blend.add(postures[1][0])
-    shown = [
-        blend.advance([one[step % frames] for one in postures], (1.0 - mu, mu), 1.0 / rate)
-        for step in range((SETTLED_ROUNDS + 1) * frames + 3)
-    ][-frames - 3 :]
-    joints = encoding.skeleton.joints(np.zeros((len(shown), 3)), np.array([one.rotation for one in shown]))[:, 1:]
-    height = np.array([one.height for one in shown])
-    return 1e3 * np.column_stack([joints.reshape(len(shown), -1), height])
+    steps = range((SETTLED_ROUNDS + 1) * frames + 3)
+    seen = [blend.advance([one[step % frames] for one in postures], (1.0 - mu, mu), 1.0 / rate) for step in steps]
+    parts = [np.array([getattr(one, name) for one in seen[-frames - 3 :]]) for name in Posture.__dataclass_fields__]
+    return Posture(**dict(zip(Posture.__dataclass_fields__, parts, strict=True)))
 
 
-def mixtures(library: MotionLibrary, network: PhaseConceptorNetwork, pair: tuple[str, str], mus: list[float]) -> Array:
-    """Activity and jerk of a pair at each mu, the jerk of both in step, activity and jerk of the deck's: (mus, 5)."""
-    encoding = library.encoding
-    knots = sorted({0.0, 1.0, *mus})
-    morph = PhaseMorph(network.twin(), *pair, knots)
-    motions = [network[name] for name in pair]
-    own = [speed_and_jerk(encoding, channels_at(motion, np.arange(len(motion)) / len(motion))) for motion in motions]
+def mixtures(library: MotionLibrary, pair: tuple[str, str], mus: list[float]) -> Array:
+    """What COLUMNS says of a pair, at each mu, shape (mus, 7)."""
+    motions = [library.network[name] for name in pair]
+    own = [shown(library, round_of(library, motion.read())) for motion in motions]
     rows = []
     for mu in mus:
-        frames = round(len(motions[0]) ** (1.0 - mu) * len(motions[1]) ** mu)
-        played = np.empty((frames, network.channels))
-        for _ in range(SETTLED_ROUNDS):
-            for frame in played:
-                morph.advance(mu, frame)
-        share = np.arange(frames) / frames
-        source, target = (channels_at(motion, share) for motion in motions)
-        speed, jerk = speed_and_jerk(encoding, played)
-        together, beside = speed_and_jerk(encoding, (1.0 - mu) * source + mu * target)
-        largest = max(own[0][1], own[1][1])
-        tempos = len(motions[0]) / frames, len(motions[1]) / frames
-        blend_speed, blend_jerk = _speed_and_jerk(blended(library, (source, target), tempos, mu))
-        rows.append((speed / together, jerk / largest, beside / largest, blend_speed / together, blend_jerk / largest))
+        shares = np.array([1.0 - mu, mu])
+        mixed = mixed_conceptor(library.network, f"{1.0 - mu} {pair[0]} + {mu} {pair[1]}")
+        played = play_mixed(library, mixed)[0].read()
+        frames = len(played)
+        channels = [in_step(motion, frames) for motion in motions]
+        tempos = [len(motion) / frames for motion in motions]
+        weight = np.abs(shares) / np.abs(shares).sum()
+        speed = sum(w * one[0] * tempo for w, one, tempo in zip(weight, own, tempos, strict=True))
+        slide = sum(w * one[2] * tempo for w, one, tempo in zip(weight, own, tempos, strict=True))
+        jerk = max(one[1] for one in own)
+        mine, both, deck = (
+            shown(library, postures)
+            for postures in (
+                round_of(library, played),
+                round_of(library, np.tensordot(shares, channels, 1)),
+                blended(library, channels, tempos, mu),
+            )
+        )
+        in_both = both[1] / jerk
+        beside = [(one[0] / speed, one[1] / jerk, one[2] - slide) for one in (mine, deck)]
+        rows.append((*beside[0], in_both, *beside[1]))
     return np.array(rows)
+
+
+def trained(data: Path, source: str, seed: int) -> MotionLibrary:
+    """The loops of a source in a network like the one that is shipped, in the header of the shipped library."""
+    shipped, known = load_library(find_library("thesis15")), training_set(data, source)
+    recipe = msgspec.convert(shipped.info.recipe["network"], SharedConceptorRecipe)
+    network, _ = learned(recipe, known, seed)
+    return MotionLibrary(msgspec.structs.replace(shipped.info, rate=known.rate), network, known.encoding)
 
 
 def main() -> int:
@@ -114,47 +142,40 @@ def main() -> int:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--library", default="thesis15")
-    parser.add_argument("--mu", type=float, nargs="+", default=[-0.3, 0.25, 0.5, 0.75, 1.3])
+    parser.add_argument("--mu", type=float, nargs="+", default=[-0.25, 0.25, 0.5, 0.75, 1.25])
+    parser.add_argument("--every", type=int, default=1, help="only each n-th pair")
+    parser.add_argument("--data", type=Path, help="the folder with the recordings, for --source")
+    parser.add_argument("--source", help="train a network for these recordings (phase_networks has their names)")
+    parser.add_argument("--seed", type=int, default=21)
     parser.add_argument("--json", action="store_true", help="one JSON object")
     options = parser.parse_args()
-    library = load_library(find_library(options.library))
+    if options.source:
+        library = trained(options.data, options.source, options.seed)
+    else:
+        library = load_library(find_library(options.library))
     network = library.network
-    if not isinstance(network, PhaseConceptorNetwork):
-        raise MotiondeckError(f"library '{options.library}' is not driven by its phase")
-    loops = [motion.name for motion in library.info.motions if motion.plays == "loop"]
-    pairs = list(itertools.combinations(loops, 2))
-    found = np.stack([mixtures(library, network, pair, options.mu) for pair in pairs])
-    rows = [
-        {
-            "mu": mu,
-            "pairs": len(pairs),
-            "still": int((activity < 0.1).sum()),
-            "below 0.8": [" and ".join(pairs[place]) for place in np.flatnonzero(activity < 0.8)],
-            "activity": np.percentile(activity, (0, 50, 100)).tolist(),
-            "jerk": np.percentile(jerk, (50, 95, 100)).tolist(),
-            "in step": np.percentile(beside, (50, 95, 100)).tolist(),
-            "deck activity": np.percentile(deck_activity, (0, 50, 100)).tolist(),
-            "deck jerk": np.percentile(deck_jerk, (50, 95, 100)).tolist(),
-        }
-        for mu, (activity, jerk, beside, deck_activity, deck_jerk) in zip(
-            options.mu, found.transpose(1, 2, 0), strict=True
-        )
-    ]
+    loops = [name for name in network.motions if network[name].course.loop]
+    pairs = list(itertools.combinations(loops, 2))[:: options.every]
+    found = np.stack([mixtures(library, pair, options.mu) for pair in pairs])
+    rows = []
+    for mu, columns in zip(options.mu, found.transpose(1, 2, 0), strict=True):
+        row = {"mu": mu, "pairs": len(pairs), "still": int((columns[0] < 0.25).sum())}
+        row["rough"] = int((columns[1] > 1.5).sum())
+        for name, values in zip(COLUMNS, columns, strict=True):
+            row[name] = np.percentile(values, SPREAD[name.removeprefix("deck ")]).tolist()
+        rows.append(row)
     if options.json:
         print(json.dumps(rows))
         return 0
     print(
-        "| mu | still | activity: least / median / most | jerk: median / 95 % / largest | jerk in step "
-        "| deck's blend: activity | jerk |\n|---|---|---|---|---|---|---|"
+        "| mu | still, jerk beyond 1.5 | activity: least / median / most | jerk: median / 95 % / largest "
+        "| slide: median / most | jerk in step | deck's blend: activity | jerk | slide |\n" + 9 * "|---" + "|"
     )
     for row in rows:
-        columns = [" / ".join(f"{value:.2f}" for value in row[name]) for name in COLUMNS]
-        print(f"| {row['mu']:g} | {row['still']} of {row['pairs']} | {' | '.join(columns)} |")
-    for row in rows:
-        if row["below 0.8"]:
-            print(f"below 0.8 at {row['mu']:g}: {', '.join(row['below 0.8'])}", file=sys.stderr)
+        columns = [" / ".join(f"{value:.{0 if 'slide' in name else 2}f}" for value in row[name]) for name in COLUMNS]
+        print(f"| {row['mu']:g} | {row['still']}, {row['rough']} of {row['pairs']} | {' | '.join(columns)} |")
     return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    raise SystemExit(main())

@@ -78,7 +78,7 @@ class TrainingSet:
         every = chain(self.frames.values(), self.before.values(), variants)
         normalisation = Normalisation.fit([np.array([one.min(0), one.max(0)]) for one in every], self.least_range)
         motions = MotionsOnDemand(list(self.frames), partial(self._motion, normalisation))
-        return Lessons(motions, normalisation, self.rate)
+        return Lessons(motions, normalisation, self.rate, partial(joint_features, self.encoding))
 
     def judge(self, *, holds: bool) -> Judge:
         """Judges runs by the training frames; `holds`, if one-shots were taught to hold their end."""

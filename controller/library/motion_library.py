@@ -27,10 +27,11 @@ from motiondeck_base.errors import FileFormatError, MotiondeckError, UnknownName
 from motiondeck_base.files import way_from
 from motiondeck_base.toml_file import shaped
 
-VERSION = 8
+VERSION = 9
 # Read as well: 2 brought phase-driven conceptors, 3 centralized networks with weights of low rank, 4 inputs of motions,
-# 5 phase-driven echo-state networks, 7 a body of each motion, and libraries baked for a robot, 8 directions in 8 bits.
-OLDER = (1, 2, 3, 4, 5, 6, 7)
+# 5 phase-driven echo-state networks, 7 a body of each motion, and libraries baked for a robot, 8 directions in 8 bits,
+# 9 loops in step.
+OLDER = (1, 2, 3, 4, 5, 6, 7, 8)
 MOST_NEURONS, MOST_HARMONICS = 20_000, 100
 
 

@@ -223,6 +223,11 @@ class Network(NamedMotions[Motion], ABC):
         """The phases of a motion's centers at its beginning and end, shape (2, n), rad; None without centers."""
         return None
 
+    @property
+    def mixable(self) -> dict[str, Any]:
+        """The motions whose conceptors can be mixed, by name: those that share all else. By default none."""
+        return {}
+
     def sizes(self, motion: str) -> dict[str, float]:
         """The sizes of a motion's own network by name, where each motion has one."""
         return {}

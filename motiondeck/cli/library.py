@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 app = typer.Typer(help="List, show, extend and bake motion libraries.", no_args_is_help=True)
 
 LibraryArgument = Annotated[str, Argument(metavar="LIBRARY", help="A library file, or a shipped one's name.")]
+AllowFailing = Annotated[bool, Option("--allow-failing", help="Write the library even if the motion fails.")]
 OutOption = Annotated[Path | None, Option(metavar="FILE", help="The library to write; default: LIBRARY itself.")]
 
 
@@ -166,7 +167,7 @@ def add(
     once: Annotated[bool, Option("--once", help="A one-shot, which holds its last pose; default: a loop.")] = False,
     frames: Annotated[tuple[int, int] | None, Option(metavar="FIRST END", help="Only these frames of it.")] = None,
     out: OutOption = None,
-    allow_failing: Annotated[bool, Option("--allow-failing", help="Write it even if its self-test fails.")] = False,
+    allow_failing: AllowFailing = False,
     as_json: JsonOption = False,
 ) -> None:
     """Add a motion to a library; the weights of others do not change.
@@ -178,9 +179,9 @@ def add(
     """
     from controller.learning.adding import add_motion
     from controller.learning.recipe import MotionRecipe, typeable
-    from controller.library.motion_library import load_library, save_library
+    from controller.library.motion_library import load_library
     from controller.motion.formats.reading import read_clip
-    from motiondeck.cli.common.library_report import part_fields, part_of, print_table, report, seam_of
+    from motiondeck.cli.common.library_report import part_fields, part_of, print_table, seam_of
 
     path, target = _to_change(library, out)
     options = reading.options()
@@ -197,24 +198,70 @@ def add(
         person=options.person,
     )
     found = add_motion(load_library(path), path, read_clip(clip, options), plan)
-    passed = found.motion.passed
-    if passed or allow_failing:
-        save_library(found.library, target)
-    if as_json:
-        written = str(target) if passed or allow_failing else None
-        added = {"written": written, "learned_from": part_fields(found.part)}
-        print(json.dumps(report(found.library) | added))
-    else:
+    if not as_json:
         print_table(found.library)
         seam = f", seam {seam_of(found.part)}" if found.part.seam_mm is not None else ""
         print(f"{name}: {part_of(found.part)}{seam}")
-    if not passed and not allow_failing:
+    fields = {"learned_from": part_fields(found.part)}
+    _write_added(found.library, target, fields, allow_failing, as_json, "Train all motions together with learn")
+
+
+def _write_added(
+    library: MotionLibrary, target: Path, fields: dict[str, Any], allow_failing: bool, as_json: bool, else_: str
+) -> None:
+    """Writes a library with a new motion, its last, unless that failed; MotiondeckError if it did."""
+    from controller.library.motion_library import save_library
+    from motiondeck.cli.common.library_report import report
+
+    motion = library.info.motions[-1]
+    writes = motion.passed or allow_failing
+    if writes:
+        save_library(library, target)
+    if as_json:
+        print(json.dumps(report(library) | {"written": str(target) if writes else None} | fields))
+    if not writes:
         raise MotiondeckError(
-            f"'{name}' failed the self-test ({found.motion.reason}), so {target} was not written. "
-            "Train all motions together with learn, or write it anyway with --allow-failing."
+            f"'{motion.name}' failed ({motion.reason}), so {target} was not written. "
+            f"{else_}, or write it anyway with --allow-failing."
         )
     if not as_json:
         print(f"wrote {target} ({target.stat().st_size / 1e6:.1f} MB)")
+
+
+@app.command("morph")
+def morph(
+    library: LibraryArgument,
+    expression: Annotated[str, Argument(metavar="EXPRESSION", help="Loops with &, |, ~, or shares that sum to 1.")],
+    name: Annotated[str, Option(metavar="NAME", help="Name of the motion.")],
+    out: OutOption = None,
+    allow_failing: AllowFailing = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Add a loop that is computed from others by their conceptors.
+
+    For libraries whose motions share their readout, as thesis15. "0.5 walk + 0.5 waltz" is between both, "1.2 walk -
+    0.2 jog" beyond walk, away from jog; "walk & waltz" does what both do, "walk | waltz" what either does, "~jog" is
+    joined by & and takes away what jog does; ( ) as usual. Played, it has to move and must not jerk.
+
+    [bold]Examples[/]
+
+      motiondeck library morph thesis15 "0.5 walk + 0.5 waltz" --name sway --out mine.safetensors
+      motiondeck library morph mine.safetensors "walk & waltz & ~jog" --name stroll
+    """
+    from controller.learning.motion_algebra import compute_motion
+    from controller.library.motion_library import load_library
+    from motiondeck.cli.common.library_report import print_table
+
+    path, target = _to_change(library, out)
+    found = compute_motion(load_library(path), expression, name)
+    if not as_json:
+        print_table(found.library)
+        alike = sorted(found.similarity.items(), key=lambda one: -one[1])
+        print(f"{name}: {found.activity:.2f} times as fast as its motions, {found.jerk:.2f} times their largest jerk")
+        print("similar to " + ", ".join(f"{other} {value:.2f}" for other, value in alike))
+    names = "activity", "jerk", "aperture", "similarity"
+    fields = {one: getattr(found, one) for one in names}
+    _write_added(found.library, target, fields, allow_failing, as_json, "Try other shares or motions")
 
 
 @app.command("remove")

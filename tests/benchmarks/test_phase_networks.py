@@ -4,11 +4,12 @@ import msgspec
 import pytest
 
 import synthetic
-from benchmarks.reservoirs.phase_morphs import mixtures
+from benchmarks.reservoirs.phase_morphs import COLUMNS, mixtures
 from benchmarks.reservoirs.phase_networks import ABLATION, channels_mb, clip_row, fitted, line, measured
 from controller.learning.trainers.clip import ClipRecipe
 from controller.learning.trainers.phase_conceptor import PhaseRecipe
 from controller.learning.trainers.phase_echo_state import PhaseEchoStateRecipe
+from controller.library.motion_library import MotionLibrary
 
 KNOWN = synthetic.training_set()
 
@@ -50,10 +51,11 @@ def test_a_network_and_a_clip_within_an_error_are_measured():
 
 
 def test_a_mixture_is_measured_at_each_mu():
-    library = synthetic.small_phase_library()
-    found = mixtures(library, synthetic.small_phase_network(), ("march", "wave"), [0.0, 0.5])
-    assert found.shape == (2, 5)
-    # At 0 both ways play the first motion alone.
-    assert found[0, 0] == pytest.approx(1.0, abs=0.05)
-    assert found[0, 3] == pytest.approx(1.0, abs=1e-3)
-    assert found[0, 4] == pytest.approx(found[0, 2], rel=1e-2)
+    network = synthetic.small_shared_conceptor(readout="shared")
+    whole = synthetic.small_library()
+    library = MotionLibrary(msgspec.structs.replace(whole.info, network=network.kind), network, whole.encoding)
+    found = mixtures(library, ("march", "wave"), [0.0, 0.5])
+    assert found.shape == (2, len(COLUMNS))
+    # At 0 both ways play the first motion alone, the second of no weight.
+    named = dict(zip(COLUMNS, found[0], strict=True))
+    assert [named[name] for name in ("activity", "in step", "deck activity")] == pytest.approx([1.0] * 3, abs=0.05)

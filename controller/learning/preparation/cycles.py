@@ -4,7 +4,7 @@ Recordings that differ in an input, such as speed, become one motion: a single c
 out, stretched to the same number of frames, and shifted to the phase of the first.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -19,6 +19,7 @@ from motiondeck_base.errors import FileFormatError
 
 SHORTEST_SECONDS = 0.4  # of a cycle
 AS_WELL = 2.0  # a cycle is the shortest period with a mismatch up to this factor of the least
+POSES, MOST_ROUNDS = 96, 20  # of a loop that is rolled into step
 MANNER, NOISE = 1.0, 0.1  # of the variance of f in `person_variants`
 
 
@@ -52,6 +53,25 @@ def phase_lag(loop: Array, reference: Array) -> int:
     """The number of frames by which to roll a loop (T, F) to the phase of another one (T, F)."""
     own, other = (np.fft.rfft(a - a.mean(0), axis=0) for a in (loop, reference))
     return int(np.fft.irfft((other * own.conj()).sum(1), n=len(loop)).argmax())
+
+
+def in_step(loops: Mapping[str, Array]) -> dict[str, float]:
+    """The turns, rad, with which loops of features (T, F) have like poses at like phases.
+
+    Each is rolled to the phase of the sum of the others, those before it at first, until none is rolled any more.
+    """
+    poses = {name: stretched(loop, POSES) for name, loop in loops.items()}
+    rolled: dict[str, Array] = {}
+    lags = dict.fromkeys(poses, 0)
+    for _ in range(MOST_ROUNDS):
+        before = dict(lags)
+        for name, own in poses.items():
+            others = [pose for other, pose in rolled.items() if other != name]
+            lags[name] = phase_lag(own, np.sum(others, axis=0)) if others else 0
+            rolled[name] = np.roll(own, lags[name], axis=0)
+        if lags == before:
+            break
+    return {name: 2.0 * np.pi * lag / POSES for name, lag in lags.items()}
 
 
 def aligned_cycles(encoding: Encoding, clips: Sequence[Clip], values: Sequence[float], rate: float) -> list[Variant]:

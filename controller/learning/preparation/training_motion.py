@@ -30,6 +30,7 @@ class TrainingMotion:
     before: Array | None = None  # recorded frames before these, shape (T', C), or None
     driving: DrivingInput | None = None  # its input besides the phase, if any; `frames` are those at the usual value
     variants: tuple[Variant, ...] = ()  # the motion at each value of the input, normalised too
+    turn: float = 0.0  # of a loop: the phase that a reservoir sees at its first frame, rad
 
     def lead_in(self, washout: int) -> Array:
         """The frames for the washout, shape (washout, C): as recorded, the end of a loop, or the first frame."""
@@ -48,6 +49,8 @@ class Lessons:
     motions: Sequence[TrainingMotion]  # normalised
     normalisation: Normalisation  # between their channels and the encoding's units
     rate: float  # frames per second, Hz
+    # Of frames (T, C) in the encoding's units, shape (T, F): by these loops are alike.
+    features: Callable[[Array], Array] = lambda frames: frames
 
 
 class MotionsOnDemand(Sequence[TrainingMotion]):

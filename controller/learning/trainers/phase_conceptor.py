@@ -112,7 +112,7 @@ def _driven_states(
         phase.append(course.phase[:overlap])
     inputs = np.hstack([reservoir.input_weights, reservoir.phase_weights])
     bias = reservoir.bias + level * reservoir.drive_weights.sum(1)
-    signal = np.hstack([np.concatenate(channels), reservoir.harmonics_of(np.concatenate(phase))])
+    signal = np.hstack([np.concatenate(channels), reservoir.harmonics_of(np.concatenate(phase) + course.turn)])
     (states,) = drive(Reservoir(reservoir.weights, inputs, bias), [signal.astype(np.float64)])
     return states.astype(np.float64), len(channels[0])
 
@@ -128,12 +128,8 @@ def _learn_piece(lesson: PieceLesson, recipe: PhaseRecipe, sums: RidgeSums | Non
     """A piece, without its readout; the regressions use mean and directions as they are stored."""
     mean = lesson.states.mean(0).astype(np.float16)
     values, directions = principal_directions(lesson.states - mean, recipe.rank)
-    kept = np.zeros((1, len(mean), recipe.rank), dtype=np.int8)
-    kept[0, :, : len(values)] = np.rint(127.0 / np.abs(directions).max(0) * directions)
-    strength = np.zeros((1, recipe.rank), dtype=np.float32)
-    strength[0, : len(values)] = values / (values + recipe.aperture**-2)
-    unread = np.zeros((1, lesson.inputs.shape[1], recipe.rank + 1), dtype=np.float32)
-    piece = StoredPieces(kept, strength, mean[None], unread.astype(np.float16), unread)
+    strength = values / (values + recipe.aperture**-2)
+    piece = StoredPieces.unread(directions, strength, mean, (lesson.inputs.shape[1], recipe.rank))
     if sums is not None:
         sums.add(lesson.before, lesson.inputs)
         return piece

@@ -6,6 +6,7 @@ network. Motions are independent of each other.
 
 from abc import abstractmethod
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any, ClassVar, TypeVar
 
 import msgspec
@@ -58,7 +59,7 @@ def course_of(motion: TrainingMotion, piece_frames: float) -> PhaseCourse:
         return PhaseCourse.of(frames, max(1, round((frames - held) / piece_frames)), loop=False, held=held)
     # A loop of half turns closes after an even number of them.
     pieces = 2 * round(0.5 * frames / piece_frames)
-    return PhaseCourse.of(frames, max(1, pieces), loop=True)
+    return replace(PhaseCourse.of(frames, max(1, pieces), loop=True), turn=motion.turn)
 
 
 def settled_lesson(unread: PhaseMotion, motion: TrainingMotion) -> tuple[Float32, Array, Indices]:

@@ -4,14 +4,19 @@ The reservoir is driven with the channels and the phase of each motion in turn. 
 V is learned, which predicts a frame from the state before it (the effect of eq. 3.11 of Deliallisi 2017), and from the
 states of the network when it plays by itself one R (eq. 3.13), both by ridge regression. The sums of either grow
 with the neurons and not with the motions.
+
+With one R for all, loops are rolled into step before, so that what is computed from their conceptors moves
+(`motion_algebra`).
 """
 
+from dataclasses import replace
 from typing import Any, Literal
 
 import msgspec
 import numpy as np
 
-from controller.learning.preparation.training_motion import Lessons
+from controller.learning.preparation.cycles import in_step
+from controller.learning.preparation.training_motion import Lessons, TrainingMotion
 from controller.learning.trainers.phase_conceptor import PhaseConceptorTrainer, PhaseRecipe, RidgeSums
 from controller.learning.trainers.phase_driven import settled_lesson
 from controller.learning.trainers.trainer import NewMotion
@@ -47,10 +52,11 @@ class SharedConceptorTrainer(PhaseConceptorTrainer):
     def learn_all(self, recipe: Any, lessons: Lessons, reservoir: PhaseReservoir) -> dict[str, Any]:
         channels = lessons.motions[0].frames.shape[1]
         sums = RidgeSums(recipe.neurons, channels)
-        unread = [self.unread(recipe, motion, reservoir, lessons.rate, sums) for motion in lessons.motions]
+        motions = lessons.motions if recipe.readout == "own" else _in_step(lessons)
+        unread = [self.unread(recipe, motion, reservoir, lessons.rate, sums) for motion in motions]
         estimate = sums.solve(recipe.ridge).astype(np.float16)
         parts = [one.sharing("estimate", estimate) for one in unread]
-        learned = list(zip(parts, lessons.motions, strict=True))
+        learned = list(zip(parts, motions, strict=True))
         if recipe.readout == "own":
             parts = [self.read(recipe, part, motion, lessons.normalisation) for part, motion in learned]
         else:
@@ -73,6 +79,14 @@ class SharedConceptorTrainer(PhaseConceptorTrainer):
         estimate = network[network.motions[0]].shared["estimate"]
         part = self.read(own, unread.sharing("estimate", estimate), one, network.normalisation)
         return network.with_motions({motion.name: part})
+
+
+def _in_step(lessons: Lessons) -> list[TrainingMotion]:
+    """The motions, loops turned so that one phase is the same part of each, as a mixture of conceptors wants it."""
+    loops = {one.name: one.frames for one in lessons.motions if one.loop and one.driving is None}
+    units = lessons.normalisation.invert
+    turns = in_step({name: lessons.features(units(frames)) for name, frames in loops.items()})
+    return [replace(one, turn=turns.get(one.name, 0.0)) for one in lessons.motions]
 
 
 TRAINER = SharedConceptorTrainer()

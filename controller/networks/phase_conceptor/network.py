@@ -29,6 +29,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from controller.motion.rotations import Array
 from controller.networks.driving_input import DrivingInput
 from controller.networks.reservoirs.phase_driven import PhaseDrivenNetwork, PhaseMotion, PhasePlayer, stored_course
 from controller.networks.reservoirs.phase_reservoir import Float32, PhaseCourse, PhaseReservoir
@@ -52,6 +53,16 @@ class StoredPieces:
     mean: Float16  # m, shape (P, N), half precision
     estimate: Float16  # (V U, V m + v) in normalised channels, shape (P, C, k + 1), half precision
     readout: Float32  # (R U, R m + r) in the units of the encoding, shape (P, C, k + 1)
+
+    @classmethod
+    def unread(cls, directions: Array, strength: Array, mean: NDArray[Any], size: tuple[int, int]) -> Self:
+        """One piece of directions (N, K), their strengths (K,) and m, without V and R: `size` is (C, k), K <= k."""
+        rank = len(strength)
+        kept, strong = np.zeros((1, len(mean), size[1]), np.int8), np.zeros((1, size[1]), np.float32)
+        kept[0, :, :rank] = np.rint(127.0 / np.abs(directions).max(0) * directions)
+        strong[0, :rank] = strength
+        unread = np.zeros((1, size[0], size[1] + 1), dtype=np.float32)
+        return cls(kept, strong, mean.astype(np.float16)[None], unread.astype(np.float16), unread)
 
     @property
     def basis(self) -> Float32:
@@ -187,6 +198,12 @@ class PhaseConceptorNetwork(PhaseDrivenNetwork[PhaseConceptorMotion]):
                 del found[f"motion/{name}/{part}"]
                 found[f"shared/{part}"] = weights
         return found
+
+    @property
+    def mixable(self) -> dict[str, PhaseConceptorMotion]:
+        """The loops of one piece that share V and R."""
+        parts = {name: self[name] for name in self.motions if self[name].course.loop and len(self[name].shared) == 2}
+        return {name: part for name, part in parts.items() if len(part.stored.mean) == 1 and part.driving is None}
 
     @classmethod
     def load_motions(

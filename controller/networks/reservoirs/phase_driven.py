@@ -291,6 +291,8 @@ class PhaseDrivenNetwork(ReservoirNetwork[Motion]):
         for name in self.motions:
             part, at = self[name], f"motion/{name}/"
             found |= arrays_of(part.stored, at) | {at + "held": np.array([part.course.held], dtype=np.int32)}
+            if part.course.turn:
+                found[at + "turn"] = np.array([part.course.turn])
         return found
 
     def header_fields(self) -> dict[str, Any]:
@@ -330,4 +332,7 @@ def stored_course(stored: StoredNetwork, motion: MotionHeader, pieces: int) -> P
         raise stored.error(f"'{at}': {pieces} pieces, {held} frames held, of {motion.frames} frames")
     assert stored.header.scales is not None
     leads_in = stored.header.scales.leads_in
-    return PhaseCourse.of(motion.frames, pieces, loop=motion.plays == "loop", held=held, leads_in=leads_in)
+    course = PhaseCourse.of(motion.frames, pieces, loop=motion.plays == "loop", held=held, leads_in=leads_in)
+    if at + "turn" not in stored.stored:
+        return course
+    return replace(course, turn=float(stored.stored.take(at + "turn", 1, kind=np.float64)[0]))

@@ -65,6 +65,7 @@ class PhaseCourse:
     piece: NDArray[np.int64]  # which piece plays each frame, shape (T,)
     loop: bool  # whether frame 0 follows the last one
     leads_in: bool = True  # whether the phase rises before a one-shot begins, so that it begins at its own speed
+    turn: float = 0.0  # what is added to phi for the reservoir, rad: loops in step have like poses at like phases
 
     @classmethod
     def of(cls, frames: int, pieces: int, *, loop: bool, held: int = 0, leads_in: bool = True) -> Self:
@@ -101,9 +102,10 @@ class PhaseCourse:
 
     @property
     def with_lead_in(self) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-        """Phase and piece of each frame, then of the SETTLING_STEPS before a one-shot: frame -1 precedes frame 0."""
+        """Turned phase and piece of each frame, then of SETTLING_STEPS before a one-shot: frame -1 precedes frame 0."""
         before = np.zeros(SETTLING_STEPS, dtype=np.int64)
-        return np.concatenate([self.phase, self.before(len(before))]), np.concatenate([self.piece, before])
+        phase = np.concatenate([self.phase, self.before(len(before))]) + self.turn
+        return phase, np.concatenate([self.piece, before])
 
     def after(self, frame: int) -> int:
         """The frame that follows one: the first after the last of a loop, the last itself of a one-shot."""

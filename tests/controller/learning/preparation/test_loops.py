@@ -3,6 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from controller.learning.preparation.cycles import in_step
 from controller.learning.preparation.loops import (
     EASE_SECONDS,
     HOLD_SECONDS,
@@ -150,3 +151,16 @@ def test_the_height_of_a_body_lifts_every_joint():
     assert np.array_equal(joints[:, [2, 5]], features[:, [2, 5]] + features[:, 6:])
     assert np.array_equal(joints[:, [0, 1, 3, 4]], features[:, [0, 1, 3, 4]])
     assert np.array_equal(in_place(joints), joints)
+
+
+def test_loops_in_step_are_alike_at_one_phase_whatever_frame_they_begin_with():
+    """One stride at several rates, begun anywhere: the turns differ by what each was begun late."""
+    begun, frames = (0.0, 0.3, 0.8), (96, 130, 60)
+    loops = {}
+    for name, (late, count) in enumerate(zip(begun, frames, strict=True)):
+        t = 2.0 * np.pi * (np.arange(count) / count + late)
+        loops[str(name)] = np.column_stack([np.sin(t), 0.3 * np.cos(2.0 * t), np.cos(t)])
+    turns = in_step(loops)
+    late = np.array([turns[str(name)] for name in range(3)]) / (2.0 * np.pi)
+    off = (late - late[0] - begun + 0.5) % 1.0 - 0.5
+    assert np.abs(off).max() < 0.011

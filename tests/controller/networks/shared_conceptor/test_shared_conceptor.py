@@ -21,7 +21,7 @@ def network():
 def test_motions_differ_in_their_conceptors_alone(network):
     stored = network.arrays()
     own = {name.rpartition("/")[2] for name in stored if name.startswith("motion/")}
-    assert own == {"directions", "strength", "mean", "held"}
+    assert own == {"directions", "strength", "mean", "held", "turn"}
     assert stored["shared/estimate"].shape == stored["shared/readout"].shape == (28, 301)
 
 
