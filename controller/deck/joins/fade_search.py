@@ -50,8 +50,8 @@ class FadeSearch:
         chain: Array,
         bounds: Bounds,
     ) -> None:
-        # The one that was found; until then the longest that has been considered after a better one than any before;
-        # None before the first step.
+        # The one that was found; until then the longest that has been considered after a better one than any before, or
+        # the best, once that slows the body down sooner; None before the first step.
         self.fade: Fade | None = None
         self.found = False
         self.trials = 0
@@ -84,7 +84,11 @@ class FadeSearch:
         if self.found:
             return self._best
         self._candidate = replace(fade, duration=duration, slowing=self._shares[0] * duration)
-        return max(longest, self._candidate, key=lambda one: one.duration) if better else longest
+        if not better:
+            return longest
+        if fade.slowing < fade.duration:  # swinging on has proved worse than being slowed down sooner
+            return fade
+        return max(longest, self._candidate, key=lambda one: one.duration)
 
     def _beyond(self, fade: Fade) -> float:
         """The use of the planned share of the bounds by a fade; 1 is the limit."""

@@ -105,6 +105,17 @@ def test_the_longer_a_search_takes_the_more_the_best_so_far_may_exceed_the_bound
     assert search.trials == trials
 
 
+def test_a_body_that_is_better_slowed_down_sooner_swings_on_no_longer(monkeypatch):
+    def peaks(fade, ahead, chain):
+        return np.array([1.0, 5.0 if fade.slowing < fade.duration else 10.0]), 0.0
+
+    monkeypatch.setattr(fade_search, "peaks", peaks)
+    search = FadeSearch(lambda: (TURN, RATE), None, BODY.chain, Bounds(5.0, 1.0))
+    swings_on = [search.advance(0.005).slowing for _ in range(8)]
+    assert not search.found
+    assert swings_on[-1] < SHORTEST < max(swings_on)
+
+
 def test_two_runs_are_identical():
     first, second = (ends_of(run(Fading(search_of()), 0.005)) for _ in range(2))
     assert np.array_equal(first, second)
