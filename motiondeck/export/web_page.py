@@ -11,7 +11,7 @@ import numpy as np
 from controller.deck.interfaces import JointLimits
 from controller.library.motion_library import MotionLibrary
 from controller.motion.encodings.robot_joints import ROOT, RobotBody
-from motiondeck.export.drawn_figure import drawn_figure, pictures
+from motiondeck.export.drawn_figure import drawn_figure
 from motiondeck.export.figure import Figure, figure_of
 from motiondeck_base.files import write_file
 from sim.robots.robot import Robot
@@ -27,14 +27,13 @@ def write_page(folder: Path, library: MotionLibrary, robot: Robot, rate: float, 
     A browser loads nothing from elsewhere, so the page opens from a disk, too.
     """
     joints, limits, rest = robot.joints, robot.limits, robot.rest
-    if isinstance(library.skeleton, RobotBody):  # its root is played as more joints
+    if isinstance(library.skeleton, RobotBody) and robot.footing is not None:  # its root is played as more joints
         joints, rest = (*joints, *ROOT), np.append(rest, np.zeros(len(ROOT)))
         limits = JointLimits(*map(np.append, astuple(limits), astuple(FREE)))
     figure = figure_of(library, joints, limits, rest, rate, motions)
     info, words = library.info, b64encode(figure.words).decode()
     texts = {"title": f"{info.name} on {robot.name}", "about": f"{info.acknowledgement} {info.licence}".strip()}
-    drawing = {"pictures": pictures(library, robot, figure.bytes_of), **drawn_figure(robot.drawn, robot.layout)}
-    content = msgspec.json.encode({**texts, "words": words, **drawing})
+    content = msgspec.json.encode({**texts, "words": words, "drawing": drawn_figure(robot.drawn, robot.layout)})
     copy_player(folder)
     write_file(folder / "figure.js", b"motiondeck.figure = " + content + b";\n")
     return figure

@@ -35,7 +35,7 @@ def rig_robot(file: Path, joints: Sequence[str], limits: JointLimits, model: Pat
     used. UnknownNameError if it lacks a joint of the rig, or the rig one of the skeleton.
     """
     rest = np.clip(0.0, limits.lower, limits.upper)
-    retarget = JointRetargeter(skeleton, joints, rest)
+    retarget = JointRetargeter(skeleton, joints, rest, getattr(skeleton, "robot_joints", None))
     if model is None:
         spec = rig_figure(joints, limits.lower, limits.upper)
         built = spec.compile()

@@ -13,19 +13,42 @@
     mark(get("state"), "data-word", texts[0]);
     texts.forEach((text, place) => write(get("state").children[place], text));
   };
+  const figure = motiondeck.figureOf(motiondeck.figure.drawing);
   let player, scene;
   try {
-    player = await motiondeck.load(motiondeck.figure);
-    scene = new motiondeck.Scene(get("scene"), motiondeck.figure);
+    player = await motiondeck.load(motiondeck.figure.words, figure.start);
+    scene = new motiondeck.Scene(get("scene"), figure);
   } catch (error) {
     say("NO PICTURE", "", error.message);
     throw error;
   }
-  const { figure } = motiondeck;
   const motions = player.motions;
-  const page = (motiondeck.page = { player, scene, frames: 0 });
-  document.title = figure.title;
-  get("about").textContent = figure.about;
+  const page = (motiondeck.page = { player, scene, figure, frames: 0 });
+  document.title = motiondeck.figure.title;
+  get("about").textContent = motiondeck.figure.about;
+
+  // Three moments of a motion as lines from body to body and to the ends of limbs, the last one dark; none of dials.
+  const limbs = figure.bodies.map(({ parent }, body) => [parent, body]).filter(([parent]) => parent >= figure.root);
+  const picture = (motion) => {
+    if (limbs.every(([parent]) => parent === figure.root)) return "";
+    const flat = ([x, y, z]) => [0.82 * x + 0.57 * y, -z]; // from the side, and a little from the front
+    const poses = [0.1, 0.25, 0.4].map((phase) => {
+      const [angles, root] = player.moment(motion, phase);
+      const bodies = motiondeck.placed(figure, root, angles);
+      const ends = limbs.filter(([, body]) => !limbs.some(([parent]) => parent === body)).map(([, body]) => {
+        const own = figure.solids.filter((solid) => solid.body === body).map(({ place }) => place);
+        const middle = [0, 1, 2].map((axis) => own.reduce((sum, place) => sum + place[axis], 0) / (own.length || 1));
+        return [bodies[body][0], motiondeck.at(bodies[body], middle.map((part) => 2 * part))];
+      });
+      return [...limbs.map(([parent, body]) => [bodies[parent][0], bodies[body][0]]), ...ends].map((line) => line.map(flat));
+    });
+    const points = poses.flat(2);
+    const [low, high] = [Math.min, Math.max].map((edge) => [0, 1].map((axis) => edge(...points.map((at) => at[axis]))));
+    const scale = 88 / Math.max(high[0] - low[0], high[1] - low[1], 1e-6);
+    const on = (at) => at.map((part, axis) => (50 + scale * (part - 0.5 * (low[axis] + high[axis]))).toFixed(0)).join(" ");
+    const paths = poses.map((lines) => `<path d="${lines.map(([from, to]) => `M${on(from)}L${on(to)}`).join("")}"/>`);
+    return `<svg viewBox="0 0 100 100" aria-hidden="true">${paths.join("")}</svg>`;
+  };
 
   let direct = false;
   const press = (number, later) => (later ? player.queue(number) : player.switch(number, direct));
@@ -36,7 +59,7 @@
     if (number < 9) box.dataset.number = number + 1;
     box.innerHTML = '<button class="play"><b></b><i></i></button><button class="later">+</button>';
     const [play, later] = box.children;
-    play.insertAdjacentHTML("afterbegin", figure.pictures[name] ?? "");
+    play.insertAdjacentHTML("afterbegin", picture(number));
     play.querySelector("b").textContent = name;
     play.title = number < 9 ? `${name}: key ${number + 1}` : name;
     play.onclick = (event) => press(number, event.shiftKey);

@@ -3,9 +3,9 @@
 const ROOT = ["turn", "forward", "sideways", "height", "ahead x", "ahead y", "ahead z", "left x", "left y", "left z"];
 const LIGHT = 0.01; // what rates of the root's path are multiplied with as angles
 
-motiondeck.load = async (figure) => {
+motiondeck.load = async (words, start) => {
   const { module } = await WebAssembly.instantiate(motiondeck.bytes(motiondeck.wasm));
-  return new motiondeck.Player(module, motiondeck.bytes(figure.words), figure.start);
+  return new motiondeck.Player(module, motiondeck.bytes(words), start);
 };
 
 motiondeck.Player = class {
@@ -18,7 +18,7 @@ motiondeck.Player = class {
   #root; // place and turn, at the last tick
   #last; // joints and root at the tick before
 
-  // Of a compiled module, a figure's words as bytes, and where its root stands: a place, m, and a quaternion.
+  // Of a compiled module, a figure's words as bytes, and where its root stands: [a place, m, and a quaternion].
   constructor(module, words, start) {
     this.#c = new WebAssembly.Instance(module).exports;
     const { memory, __heap_base, md_size, md_rate, md_joints, md_motions } = this.#c;
@@ -35,8 +35,8 @@ motiondeck.Player = class {
     this.waiting = []; // the motions that have been queued
     this.paused = false;
     this.#way = ROOT.map((name) => this.joints.indexOf(`root ${name}`));
-    this.#root = [start.slice(0, 3), start.slice(3)];
-    if (this.#way[0] >= 0) this.#root[0] = [0, 0, 0];
+    this.#root = start;
+    if (this.#way[0] >= 0) this.#root = [[0, 0, 0], [1, 0, 0, 0]];
     this.step();
     this.#last = [this.targets, this.#root];
   }
@@ -54,10 +54,22 @@ motiondeck.Player = class {
     return this.#c[`md_${name}`](this.#at, ...given);
   }
 
+  #angles(first) {
+    return new Float32Array(this.#c.memory.buffer, first, this.joints.length).slice();
+  }
+
+  // The joints, rad, and the root's place and turn at a phase of a motion, whatever plays.
+  moment(motion, phase) {
+    const angles = this.#angles(this.#ask("moment", motion, phase));
+    if (this.#way[0] < 0) return [angles, this.#root];
+    const [height, ...axes] = this.#way.slice(3).map((joint) => angles[joint]);
+    return [angles, [[0, 0, height], standing(axes.slice(0, 3), axes.slice(3))]];
+  }
+
   // Plays one tick; the joints' targets, rad.
   step() {
     this.#last = [this.targets, this.#root];
-    this.targets = new Float32Array(this.#c.memory.buffer, this.#ask("step"), this.joints.length).slice();
+    this.targets = this.#angles(this.#ask("step"));
     if (this.#way[0] >= 0) this.#walk(this.#way.map((joint) => this.targets[joint]));
     this.waiting.splice(0, this.waiting.length - this.#ask("queued"));
     return this.targets;

@@ -1,10 +1,9 @@
 // Draws a figure of rigid bodies in WebGL 2: its kinematics, its solids with their shadow, a floor, and a camera.
-// A figure has, as `motiondeck export` writes them:
-//   bodies: [{parent, place: [x, y, z], turn: [w, x, y, z], joints: [joint]}], parents first; -1 is the world
-//   joint: {axis, anchor, rest} with `angle`, the number of what is played, or `of` and `curve`, the joint that leads it
-//   and a polynomial, or neither; `slides` if it does
-//   meshes: {name: {vertices: [base64 of float32], faces: [base64 of uint16]}}
-//   solids: [{mesh, body, place, turn, scale, colour: [r, g, b, a]}]; labels: [{text, body, place}]; height, m
+// A figure is put together from arrays of a MuJoCo model, as `motiondeck export` writes them:
+//   bodies: [{parent, place: [x, y, z], turn: [w, x, y, z], joints: [joint]}], parents first; -1 is that of the world
+//   joint: {axis, anchor, rest} with `angle`, the number of what is played, or `of` and `curve`, the place of the joint
+//   that leads it and a polynomial, or neither; `slides` if it does
+//   solids: [{shape, body, place, turn, scale, colour: [r, g, b, a]}] of shapes; labels: [{text, body, place}]; height, m
 const motiondeck = {};
 
 motiondeck.bytes = (text) => Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0)).buffer;
@@ -26,10 +25,38 @@ const unit = (v) => {
   return v.map((part) => part / length);
 };
 
+motiondeck.figureOf = (drawing) => {
+  const d = drawing;
+  const [SLIDE, HINGE] = [2, 3]; // of mjtJoint
+  const played = new Map(d.hinge_qpos.map((place, k) => [place, { angle: d.hinge[k] }]));
+  const led = new Map(d.led.map(([place, of, curve]) => [place, { of, curve }]));
+  const bodies = d.body_parentid.map((parent, body) => {
+    const own = d.jnt_bodyid.flatMap((of, joint) => (of === body && [SLIDE, HINGE].includes(d.jnt_type[joint]) ? [joint] : []));
+    const joints = own.map((joint) => {
+      const place = d.jnt_qposadr[joint];
+      const fixed = { place, axis: d.jnt_axis[joint], anchor: d.jnt_pos[joint], rest: d.qpos0[place] };
+      return { ...fixed, slides: d.jnt_type[joint] === SLIDE, ...(played.get(place) ?? led.get(place)) };
+    });
+    return { parent: body ? parent : -1, place: d.body_pos[body], turn: d.body_quat[body], joints };
+  });
+  const solids = d.shapes.flatMap((shape, number) => shape.geom.map((geom, k) => ({
+    shape: number,
+    body: d.geom_bodyid[geom],
+    place: plus(d.geom_pos[geom], turned(d.geom_quat[geom], shape.offset[k])),
+    turn: d.geom_quat[geom],
+    scale: shape.scale[k],
+    colour: [...shape.colour[k].map((part) => part / 255), shape.opacity],
+  })));
+  solids.sort((one, other) => other.colour[3] - one.colour[3]); // what is seen through is drawn last
+  const labels = d.labels.map((text, site) => ({ text, body: d.site_bodyid[site], place: d.site_pos[site] }));
+  const [root, start] = [d.jnt_bodyid[0], [d.qpos0.slice(0, 3), d.qpos0.slice(3, 7)]];
+  return { bodies, solids, labels: labels.filter(({ text }) => text), shapes: d.shapes, root, start, height: d.height };
+};
+
 // Where each body is, [place, turn], for the root's place and turn and for angles, rad.
 motiondeck.placed = (figure, [place, turn], angles) => {
   const found = [];
-  const at = [];
+  const at = {}; // positions of joints, by their places in the model
   figure.bodies.forEach((body, number) => {
     const [above, way] = body.parent < 0 ? [[0, 0, 0], [1, 0, 0, 0]] : found[body.parent];
     let here = plus(above, turned(way, body.place));
@@ -39,7 +66,7 @@ motiondeck.placed = (figure, [place, turn], angles) => {
       let value = joint.rest;
       if (joint.angle !== undefined) value = angles[joint.angle];
       else if (joint.of !== undefined) value = joint.curve.reduceRight((sum, part) => sum * at[joint.of] + part, 0);
-      at.push(value);
+      at[joint.place] = value;
       const moved = value - joint.rest;
       if (joint.slides) here = plus(here, turned(facing, joint.axis), moved);
       else {
@@ -53,6 +80,8 @@ motiondeck.placed = (figure, [place, turn], angles) => {
   });
   return found;
 };
+
+motiondeck.at = ([place, turn], offset) => plus(place, turned(turn, offset));
 
 const SUN = unit([1.2, -1.6, 4]);
 const FAR = 9; // heights of the figure: there the floor has faded into the sky
@@ -114,12 +143,8 @@ motiondeck.Scene = class {
     this.at = {};
     for (const name of ["view", "model", "eye", "sun", "flat_", "colour", "far", "cell", "centre"])
       this.at[name] = gl.getUniformLocation(program, name);
-    this.meshes = {};
-    for (const [name, mesh] of Object.entries(figure.meshes)) {
-      const vertices = new Float32Array(motiondeck.bytes(mesh.vertices));
-      const faces = new Uint16Array(motiondeck.bytes(mesh.faces));
-      this.meshes[name] = this.#upload(vertices, faces);
-    }
+    this.meshes = figure.shapes.map((shape) =>
+      this.#upload(new Float32Array(motiondeck.bytes(shape.vertices)), new Uint16Array(motiondeck.bytes(shape.faces))));
     const wide = FAR * figure.height;
     const corners = new Float32Array([-wide, -wide, 0, wide, -wide, 0, wide, wide, 0, -wide, wide, 0]);
     this.floor = this.#upload(corners, new Uint16Array([0, 1, 2, 0, 2, 3]));
@@ -220,7 +245,7 @@ motiondeck.Scene = class {
   #label(bodies, view) {
     this.labels.forEach((label, number) => {
       const { body, place } = this.figure.labels[number];
-      const at = [...plus(plus(bodies[body][0], turned(bodies[body][1], place)), [...this.centre, 0], -1), 1];
+      const at = [...plus(motiondeck.at(bodies[body], place), [...this.centre, 0], -1), 1];
       const [x, y, , w] = view.map((row) => row.reduce((sum, part, k) => sum + part * at[k], 0));
       const left = `translate(-50%) translate(${Math.round((0.5 + (0.5 * x) / w) * this.canvas.clientWidth)}px, `;
       const moved = `${left}${Math.round((0.5 - (0.5 * y) / w) * this.canvas.clientHeight)}px)`;
@@ -261,13 +286,13 @@ motiondeck.Scene = class {
     gl.enable(gl.STENCIL_TEST);
     gl.stencilFunc(gl.EQUAL, 0, 255);
     gl.stencilOp(gl.KEEP, gl.KEEP, gl.INCR);
-    figure.solids.forEach((solid, number) => put(this.meshes[solid.mesh], models[number]));
+    figure.solids.forEach((solid, number) => put(this.meshes[solid.shape], models[number]));
     gl.disable(gl.STENCIL_TEST);
     gl.enable(gl.DEPTH_TEST);
     gl.uniform1f(at.flat_, 0);
     figure.solids.forEach((solid, number) => {
       gl.uniform4fv(at.colour, solid.colour);
-      put(this.meshes[solid.mesh], models[number]);
+      put(this.meshes[solid.shape], models[number]);
     });
   }
 };

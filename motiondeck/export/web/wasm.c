@@ -31,5 +31,13 @@ int strcmp(const char *one, const char *other) {
 }
 
 unsigned md_size(void) { return sizeof(md_player); }
+
+/* The joints at a phase of a motion, whatever plays; they are overwritten by the next ones. */
+const float *md_moment(const md_player *p, int motion, float phase) {
+  static float angles[MD_MOST_JOINTS];
+  const md_motion *m = motion_row(p->figure, motion);
+  draw(p, m, (int)(phase * (float)m->steps), angles);
+  return angles;
+}
 float md_present_tempo(const md_player *p) { return p->tempo; }
 int md_queued(const md_player *p) { return p->queued; }

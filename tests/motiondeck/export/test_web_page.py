@@ -16,12 +16,13 @@ import pytest
 
 from controller.deck.interfaces import JointLimits
 from controller.learning.trainers.clip import fitted_keys
-from controller.library.motion_library import MotionLibrary, load_library
+from controller.library.motion_library import MotionLibrary, load_library, save_library
 from controller.motion.encodings.robot_joints import RobotJoints
 from controller.networks.clip.network import ClipPlayer
 from controller.networks.keys import Keys
 from controller.wire.messages.commands import EmergencyStop, Jump, Pause, Queue, Reset, Resume, SetTempo, Switch
 from motiondeck.export.golden import deck_trace
+from motiondeck.export.source import open_figure
 from motiondeck.export.web_page import copy_player, write_page
 from motiondeck_base.shipped import find_library, find_robot
 from sim.robots.robot import load_robot
@@ -149,7 +150,7 @@ def test_keys_buttons_and_the_state_line(browser, address):
 
 
 SCRIPTED = """async ([script, ticks]) => {
-  const player = await motiondeck.load(motiondeck.figure);
+  const player = await motiondeck.load(motiondeck.figure.words, motiondeck.page.figure.start);
   const trace = [[...player.targets]], answers = [];
   for (let tick = 1; tick < ticks; tick++) {
     for (const [due, name, ...given] of script) if (due === tick) answers.push(player[name](...given) ?? 0);
@@ -190,7 +191,7 @@ def test_a_scripted_minute_is_that_of_the_deck(exported, open_page):
 def test_the_root_goes_where_the_motion_goes(open_page):
     place, _ = open_page.evaluate(
         """async () => {
-          const player = await motiondeck.load(motiondeck.figure);
+          const player = await motiondeck.load(motiondeck.figure.words, motiondeck.page.figure.start);
           for (let tick = 0; tick < 500; tick++) player.step();
           return player.posture[1];
         }"""
@@ -216,11 +217,17 @@ def test_bodies_are_where_mujoco_has_them(robot, open_page):
         mujoco.mj_kinematics(model, data)
         root = [data.qpos[:3].tolist(), data.qpos[3:7].tolist()]
         found = open_page.evaluate(
-            "([root, angles]) => motiondeck.placed(motiondeck.figure, root, angles)", [root, targets.tolist()]
+            "([root, angles]) => motiondeck.placed(motiondeck.page.figure, root, angles)", [root, targets.tolist()]
         )
         places, turns = zip(*found, strict=True)
         assert np.allclose(places, data.xpos, atol=1e-5)
         assert np.allclose(np.abs(np.sum(np.array(turns) * data.xquat, axis=1)), 1.0, atol=1e-6)
+
+
+def test_what_was_baked_for_a_robot_plays_on_a_rig_with_its_joints(library, tmp_path):
+    save_library(library, tmp_path / "baked.safetensors")
+    figure = open_figure(str(tmp_path / "baked.safetensors"), None, "servo20", ["turn"], tmp_path / "page")
+    assert len(figure.rest) == 20
 
 
 PLAYER_WASM = runpy.run_path(str(DOCS / "player_wasm.py"))
