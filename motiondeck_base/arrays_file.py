@@ -14,7 +14,7 @@ from safetensors.numpy import save
 
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.files import shortened, what_it_is, write_file
-from motiondeck_base.printable import printable
+from motiondeck_base.words import printable
 
 LARGEST_BYTES = 2**30
 

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Self
 
-from motiondeck_base.near_names import did_you_mean
+from motiondeck_base.words import did_you_mean
 
 
 class MotiondeckError(Exception):

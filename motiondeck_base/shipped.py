@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
-from motiondeck_base.near_names import near_names
+from motiondeck_base.words import near_names
 
 _MADE_BY = {
     "robot": "Make one from an MJCF or URDF: motiondeck robot calibrate MODEL --out FILE.toml",

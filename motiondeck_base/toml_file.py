@@ -18,7 +18,7 @@ import msgspec
 
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.files import what_it_is
-from motiondeck_base.near_names import near_names
+from motiondeck_base.words import near_names
 
 T = TypeVar("T")
 Keys = tuple[str | int, ...]

@@ -19,7 +19,7 @@ from hardware.emulator.bus import BOOT_TIME, EmulatedBus
 from hardware.emulator.faults import Fault, FaultPlan
 from hardware.emulator.servos.device import Device
 from hardware.errors import RigError
-from hardware.families.dynamixel2.tables import P_SERIES
+from hardware.families.dynamixel2.facts import P_SERIES
 from hardware.families.models import MODELS as TABLES
 from hardware.rig.rig_file import RigConfig, RigJoint
 from hardware.rig.supervision.rig import Rig

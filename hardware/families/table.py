@@ -9,7 +9,7 @@ from hardware.errors import MotiondeckError
 from hardware.families.family import Family
 from hardware.families.register import SI_UNITS, Register
 from hardware.families.series import Series
-from motiondeck_base.near_names import did_you_mean
+from motiondeck_base.words import did_you_mean
 
 _SIGN_BIT = 10
 _HARDWARE_ERRORS = {1: "input voltage", 4: "overheated", 8: "encoder", 16: "electrical shock", 32: "overload"}

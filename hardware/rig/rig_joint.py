@@ -8,7 +8,7 @@ import msgspec
 from hardware.errors import RigError
 from hardware.families.models import MODELS, TRAITS, WHY_NO_JOINT
 from hardware.families.table import ControlTable
-from motiondeck_base.near_names import near_names
+from motiondeck_base.words import near_names
 
 GAINS = ("position_p_gain", "position_i_gain", "position_d_gain")  # the gains that a rig file may ask for, by register
 POSITION_MODE, EXTENDED_MODE = 3, 4

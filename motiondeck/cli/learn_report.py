@@ -32,8 +32,8 @@ from motiondeck.cli.common.library_report import (
 )
 from motiondeck.cli.common.tables import show_table
 from motiondeck.cli.common.verdict_report import print_verdicts
-from motiondeck_base.counted import counted
 from motiondeck_base.files import listed
+from motiondeck_base.words import counted
 from sim.robots.verdict import RobotVerdict
 
 if TYPE_CHECKING:

@@ -25,7 +25,7 @@ import typer.core  # noqa: E402
 
 from motiondeck.cli.common.help_text import set_help_texts  # noqa: E402
 from motiondeck_base.errors import MotiondeckError  # noqa: E402
-from motiondeck_base.printable import printable  # noqa: E402
+from motiondeck_base.words import printable  # noqa: E402
 
 _WELCOME = """Plays learned human motions live on simulated humanoids and servo rigs, and switches them on command.
 

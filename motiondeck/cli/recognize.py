@@ -12,10 +12,10 @@ import typer
 from typer import Argument, Option
 
 from motiondeck.cli.common.options import JsonOption, SkeletonOption, check_ending
-from motiondeck_base.counted import counted
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.files import check_folder
 from motiondeck_base.progress import progress
+from motiondeck_base.words import counted
 
 if TYPE_CHECKING:
     from controller.learning.recognition.labelled_recordings import Dataset

@@ -21,7 +21,7 @@ from controller.loop.permissions import Permission
 from controller.loop.stop_requests import StopRequest
 from controller.wire.command_socket import CommandServer
 from controller.wire.messages.arguments import described
-from motiondeck_base.counted import counted
+from motiondeck_base.words import counted
 
 PERIOD = 0.25  # s from one progress line to the next
 _MODES = {"home": "at home", "held": "held", "emergency stop": "EMERGENCY STOP"}

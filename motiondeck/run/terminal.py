@@ -11,7 +11,7 @@ from controller.wire.messages.arguments import CommandError, described
 from controller.wire.messages.command_table import BY_WORD, COMMANDS, parse_command
 from controller.wire.messages.commands import DeckCommand, GetStatus, GiveBeat, Subscribe
 from motiondeck_base.errors import MotiondeckError
-from motiondeck_base.near_names import did_you_mean
+from motiondeck_base.words import did_you_mean
 
 _COMMAND_ROWS = [("MOTION", "switch to a motion"), *((command.usage, command.help) for command in COMMANDS)]
 _PROMPT_ROWS = [

@@ -11,7 +11,7 @@ from motiondeck.shows.member import Member
 from motiondeck.shows.membership import deck_in
 from motiondeck.shows.messages import About, read
 from motiondeck_base.errors import MotiondeckError
-from motiondeck_base.printable import printable
+from motiondeck_base.words import printable
 
 _LOOK = 1.0  # s
 

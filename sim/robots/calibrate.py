@@ -19,9 +19,9 @@ import numpy as np
 from controller.deck.interfaces import JointLimits
 from controller.motion.rest_pose import FOOT_SLOPE
 from controller.motion.rotations import Array
-from motiondeck_base.counted import counted
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.toml_file import toml_key, toml_value
+from motiondeck_base.words import counted
 from sim.models.formats.mesh_files import MISSING
 from sim.models.formats.model_text import model_kind, urdf_speeds, visual_packages
 from sim.models.formats.urdf_visuals import missing_visuals

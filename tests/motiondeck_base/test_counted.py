@@ -1,6 +1,6 @@
 """A number with the word that it counts."""
 
-from motiondeck_base.counted import counted
+from motiondeck_base.words import counted
 
 
 def test_one_is_not_many():

@@ -1,7 +1,7 @@
 import pytest
 
 from motiondeck_base.errors import UnknownNameError
-from motiondeck_base.near_names import did_you_mean, near_names
+from motiondeck_base.words import did_you_mean, near_names
 
 MOTIONS = ["walk", "slow-walk", "jog", "home", "getseated", "stool-standup", "Box1"]
 

@@ -21,8 +21,8 @@ from controller.motion.rotations import (
     normalise,
     to_rotation_vector,
 )
-from motiondeck_base.counted import counted
 from motiondeck_base.errors import FileFormatError
+from motiondeck_base.words import counted
 
 STILL_SPEED = 0.05  # m/s: a body with slower joints stands still
 STILL_KEPT = 0.1  # s of stillness kept before and after the motion

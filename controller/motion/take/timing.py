@@ -12,7 +12,7 @@ import numpy as np
 from controller.motion.canonical.clip_edits import FASTEST_BODY, cubic, interpolated
 from controller.motion.clip import Clip, Decision
 from controller.motion.rotations import Array, Flags, Indices, by_blocks, continuous
-from motiondeck_base.counted import counted
+from motiondeck_base.words import counted
 
 SAME = 1e-7  # m: frames whose joints are this near are one frame held
 MOVES = 0.1  # m/s: of the fastest joint, over MOVES_SECONDS; where it is slower nothing is judged

@@ -22,8 +22,8 @@ from controller.motion.rotations import Array
 from controller.networks.centralized.centers import pairs_at
 from controller.networks.centralized.satellites import GaussianSatellites
 from controller.networks.signals import number_within, points
-from motiondeck_base.counted import counted
 from motiondeck_base.errors import MotiondeckError
+from motiondeck_base.words import counted
 
 REACH = 0.1  # of a bend on either side, in phase
 

@@ -10,7 +10,7 @@ from controller.wire.messages.arguments import CommandError, WeightedMotions, Wh
 from controller.wire.messages.command_row import CommandRow, Natural
 from controller.wire.messages.commands import MOST_BYTES, DeckCommand, Switch
 from motiondeck_base.files import shortened
-from motiondeck_base.near_names import did_you_mean
+from motiondeck_base.words import did_you_mean
 
 _MESSAGES: tuple[type[DeckCommand], ...] = get_args(DeckCommand)  # the types of all messages
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from motiondeck_base.files import write_file
-from motiondeck_base.printable import printable
+from motiondeck_base.words import printable
 
 if TYPE_CHECKING:
     from controller.learning.evaluation.tables import Table, Value

@@ -16,10 +16,9 @@ from controller.wire.command_socket import DEFAULT_PORT
 from controller.wire.messages.commands import DeckCommand, FollowPerson, Gaze, GiveBeat, Pause, SetInput, SetTempo
 from controller.wire.messages.replies import Refused, Reply
 from motiondeck.cli.remote.send import CommandPort, Host, TokenFile, client_of, state_of
-from motiondeck_base.counted import counted
 from motiondeck_base.errors import FileFormatError, MotiondeckError, UnknownNameError
-from motiondeck_base.printable import printable
 from motiondeck_base.shipped import find_library, find_stage
+from motiondeck_base.words import counted, printable
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

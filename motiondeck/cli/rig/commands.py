@@ -12,8 +12,8 @@ from typer import Argument, Option
 from motiondeck.cli.common.options import JsonOption
 from motiondeck.cli.rig import calibrate, emulate, identify, servos, teach
 from motiondeck.cli.rig.rig_port import PortOption, RigArgument, ended_by_sigterm, load, open_buses
-from motiondeck_base.counted import counted
 from motiondeck_base.errors import MotiondeckError
+from motiondeck_base.words import counted
 
 app = typer.Typer(help="Set up, check, identify, teach or emulate a rig of servos.", no_args_is_help=True)
 

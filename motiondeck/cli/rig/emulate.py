@@ -12,8 +12,8 @@ from typer import Option
 
 from motiondeck.cli.rig.line_input import LineInput, in_foreground
 from motiondeck.cli.rig.rig_port import RigArgument, ended_by_sigterm, load
-from motiondeck_base.counted import counted
 from motiondeck_base.errors import MotiondeckError
+from motiondeck_base.words import counted
 
 if TYPE_CHECKING:
     from hardware.emulator.bus import EmulatedBus, JointPlant

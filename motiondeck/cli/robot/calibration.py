@@ -14,9 +14,9 @@ from controller.library.motion_library import load_library
 from controller.loop.safety.safety_envelope import SafetyEnvelope
 from motiondeck.cli.common.tables import show_table
 from motiondeck.run.sampled_motions import as_clip
-from motiondeck_base.counted import counted
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.shipped import find_library
+from motiondeck_base.words import counted
 from sim.models.robot_file import read_robot_file
 from sim.retargeting.human_limbs import LIMBS
 from sim.robots.calibrate import Calibration, calibrate

@@ -13,8 +13,8 @@ from controller.motion.clip import Clip
 from controller.motion.formats.reading import read_clip
 from motiondeck.cli.common.tables import show_table
 from motiondeck.cli.robot.retarget import SEGMENTS, worse_side
-from motiondeck_base.counted import counted
 from motiondeck_base.errors import MotiondeckError
+from motiondeck_base.words import counted
 from sim.models.robot_file import Solver
 from sim.robots.carried_findings import SegmentAngle, findings_of, joint_findings, segment_angles
 from sim.robots.fidelity import Carried, carry, floor_measures, joint_measures, shortfall

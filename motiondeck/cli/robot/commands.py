@@ -9,12 +9,12 @@ import typer
 from typer import Argument, Option
 
 from motiondeck.cli.common.options import PAGE_PORT, JobsOption, JsonOption, PagePortOption, SolverOption
-from motiondeck_base.counted import counted
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.files import write_file
 from motiondeck_base.jobs import Jobs
 from motiondeck_base.progress import collected
 from motiondeck_base.shipped import find_library, shipped_configs
+from motiondeck_base.words import counted
 
 if TYPE_CHECKING:
     from sim.robots.verdict import RobotVerdict

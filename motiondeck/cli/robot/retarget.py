@@ -11,8 +11,8 @@ import typer
 from typer import Argument, Option
 
 from motiondeck.cli.common.options import JobsOption, JsonOption, SolverOption
-from motiondeck_base.counted import counted
 from motiondeck_base.progress import collected, progress
+from motiondeck_base.words import counted
 
 if TYPE_CHECKING:
     from controller.motion.clip import ReadingOptions

@@ -16,9 +16,8 @@ from typing import TYPE_CHECKING, Annotated
 from typer import Argument, Option
 
 from motiondeck.cli.common.options import SHOW_PAGE_PORT
-from motiondeck_base.counted import counted
 from motiondeck_base.errors import FileFormatError, MotiondeckError
-from motiondeck_base.printable import printable
+from motiondeck_base.words import counted, printable
 
 if TYPE_CHECKING:
     from motiondeck.shows.conductor import Conductor, Notify

@@ -20,8 +20,8 @@ from motiondeck.page.scene import Scene
 from motiondeck.page.web.page_style import STOPS
 from motiondeck.page.web.parts import PageParts, ask
 from motiondeck.page.web.private_page import PrivatePage, served
-from motiondeck_base.counted import counted
 from motiondeck_base.errors import MotiondeckError
+from motiondeck_base.words import counted
 from sim.robots.robot import Robot
 
 # Where the joints of the rig stand, deg; MotiondeckError if they cannot be read.

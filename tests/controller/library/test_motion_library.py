@@ -17,7 +17,7 @@ from controller.library.motion_library import MotionLibrary, load_library, once_
 from motiondeck.cli.common.tables import show_table
 from motiondeck.cli.main import main
 from motiondeck_base.errors import FileFormatError, MotiondeckError
-from motiondeck_base.printable import printable
+from motiondeck_base.words import printable
 
 
 @pytest.fixture(scope="module")

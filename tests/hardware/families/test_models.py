@@ -8,7 +8,7 @@ from hardware.families.models import MODELS, TRAITS, model_name
 from hardware.rig.rig_file import RigConfig, RigJoint
 from hardware.rig.state_block import arranged
 from motiondeck_base.errors import MotiondeckError
-from motiondeck_base.near_names import near_names
+from motiondeck_base.words import near_names
 
 
 def test_every_model_that_the_maker_numbers_has_a_table():

@@ -7,8 +7,8 @@ from benchmarks.simulated_time import EmulatedPort
 from hardware.bus.servo_bus import Bus
 from hardware.emulator.bus import EmulatedBus
 from hardware.errors import RigError, ServoError
+from hardware.families.dynamixel2.facts import P_SERIES
 from hardware.families.dynamixel2.sdk_models import model_file, model_numbers
-from hardware.families.dynamixel2.tables import P_SERIES
 from hardware.families.models import MODELS
 from hardware.rig.rig_file import RigConfig, RigJoint
 from hardware.rig.supervision.rig import Rig
