@@ -43,3 +43,11 @@ class UnknownNameError(MotiondeckError):
         """The error for `name`, which is no known `kind`, with the nearest known names or else all of them."""
         names = list(known)
         return cls(f"unknown {kind} '{name}'." + (did_you_mean(name, names) or f" There are: {', '.join(names)}."))
+
+    @classmethod
+    def indices(cls, kind: str, names: Iterable[str], known: Sequence[str]) -> list[int]:
+        """Where names are among those known; the error for one that is not."""
+        for name in names:
+            if name not in known:
+                raise cls.among(kind, name, known)
+        return [known.index(name) for name in names]

@@ -30,12 +30,11 @@ class RigPlant:
         layout = robot.layout
         hinges = dict(zip(layout.hinge.tolist(), layout.hinge_qpos.tolist(), strict=True))
         places, velocities = [], []
-        for name in joints:
-            if name not in layout.joints:
-                raise UnknownNameError.among("joint of this robot", name, layout.joints)
-            index = layout.joints.index(name)
+        for index in UnknownNameError.indices("joint of this robot", joints, layout.joints):
             if index not in hinges:
-                raise MotiondeckError(f"joint {name} of {robot.name} is no hinge, so no servo can drive it")
+                raise MotiondeckError(
+                    f"joint {layout.joints[index]} of {robot.name} is no hinge, so no servo can drive it"
+                )
             places.append(hinges[index])
             velocities.append(layout.dof[index])
         self._places, self._velocities = np.array(places), np.array(velocities)

@@ -158,10 +158,7 @@ class JointRetargeter:
     ) -> None:
         """Carries all bones of the body, or the first ones, `carried`."""
         carried = body.bones if carried is None else carried
-        for name in carried:
-            if name not in joints:
-                raise UnknownNameError.among("joint of this robot", name, joints)
-        order, self._count = [joints.index(name) for name in carried], len(carried)
+        order, self._count = UnknownNameError.indices("joint of this robot", carried, joints), len(carried)
         self._order = slice(self._count) if order == [*range(self._count)] else np.array(order)  # a slice is quicker
         self._targets = rest.copy()
 

@@ -45,6 +45,19 @@ def read_clip(path: str | Path, options: ReadingOptions = AS_FOUND) -> Clip:
 
 def read_fitted(path: str | Path, options: ReadingOptions = AS_FOUND) -> FittedClip:
     """As `read_clip`, with the fit to the markers."""
+    found, fit = read_as_stored(path, options), None
+    if isinstance(found, Markers):
+        if len(people := _people_in(found)) > 1:
+            found = people[chosen_person(path, people, options.person)]
+            del people  # the markers of all others
+        found, fit = _body_of_markers(found, Path(path).stem)
+    if options.person is not None:
+        found = replace(found, skeleton=replace(found.skeleton, name=f"{found.skeleton.name}-{options.person}"))
+    return FittedClip(taken(found, options), fit)
+
+
+def read_as_stored(path: str | Path, options: ReadingOptions = AS_FOUND) -> Clip | Markers:
+    """What a recording holds, as `read_clip` reads it: points are not yet a body."""
     suffix = Path(path).suffix.lower()
     rows = FORMATS.get(suffix, [])
     shared = rows if len(rows) > 1 and Path(path).is_file() else []
@@ -56,15 +69,7 @@ def read_fitted(path: str | Path, options: ReadingOptions = AS_FOUND) -> FittedC
     if row is None:
         ending = f"'{suffix}' files are not read" if suffix else "a recording is known by its ending, and this has none"
         raise FileFormatError(f"{path}: {ending}. Give one of {', '.join(sorted(FORMATS))}.")
-    found, fit = row.read(path, options), None
-    if isinstance(found, Markers):
-        if len(people := _people_in(found)) > 1:
-            found = people[chosen_person(path, people, options.person)]
-            del people  # the markers of all others
-        found, fit = _body_of_markers(found, Path(path).stem)
-    if options.person is not None:
-        found = replace(found, skeleton=replace(found.skeleton, name=f"{found.skeleton.name}-{options.person}"))
-    return FittedClip(taken(found, options), fit)
+    return row.read(path, options)
 
 
 def recordings_below(folder: Path) -> list[Path]:

@@ -127,6 +127,37 @@ def convert(
         print(f"wrote {out} ({len(clip)} frames of {len(clip.skeleton)} {bones}{exchanged})")
 
 
+@app.command("complete")
+def complete(
+    file: FileArgument,
+    out: Annotated[Path, Argument(metavar="OUT", help="OUT.bvh or OUT.csv; of joints OUT.clip, .csv or .npz.")],
+    like: Annotated[
+        list[Path], Option(metavar="PATH", help="Whole recordings to learn from, or a folder; repeatable.")
+    ],
+    names: Annotated[str, Option("--from", metavar="NAMES", help="Use these alone, such as head,lhan,rhan.")] = "",
+    height: Annotated[float | None, Option(metavar="METRES", help="Of the person; default: as in --like.")] = None,
+) -> None:
+    """Complete a body from some points, or a rig from some joints.
+
+    The rest follows by ridge regression from 0.8 s around each moment, learned from whole recordings of such motions.
+    Points have the names of docs/stage.md (root, head, lhan, rhan, lank ...), among them a left and a right one; gaps
+    are bridged. Of a whole recording, --from names those to use. Joints that are given stay as they are.
+
+    Example:  motiondeck clip complete trackers.csv body.bvh --like walks/ --height 1.78
+    """
+    check_other(file, out)
+    check_folder(out)
+    from controller.learning.completion import complete_recording
+    from controller.motion.formats.reading import recordings_in
+    from controller.motion.formats.writing import write_clip
+
+    files = recordings_in(like)
+    clip = complete_recording(file, files, names.split(",") if names else (), height)
+    write_clip(clip, out)
+    kind = "joints" if clip.skeleton.is_rig else "bones"
+    print(f"wrote {out} ({len(clip)} frames of {len(clip.skeleton)} {kind}, learned from {len(files)} recordings)")
+
+
 @app.command("plot")
 def plot(
     files: Annotated[list[Path], Argument(metavar="FILE...", help="One recording, or several for a sheet.")],
