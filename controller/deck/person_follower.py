@@ -1,5 +1,6 @@
 """A person in the motions of a library: which they do, where in it and how fast, from a few points of their body.
 
+A rig that is moved by hand leads likewise, by the angles of some joints: these are heights of points, ARM m for 1 rad.
 The library's own motions, as its network plays them, are what the points are compared with (`phase_filter`).
 """
 
@@ -12,35 +13,34 @@ from controller.deck.motion_generator import MotionGenerator
 from controller.deck.phase_filter import RATE, PhaseFilter
 from controller.library.motion_library import MotionLibrary
 from controller.motion.clip import FARTHEST
+from controller.motion.encodings.joint_angles import angles_of
 from controller.motion.rotations import Array
 from controller.motion.skeleton import walk_path
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
 
 ROOT = "root"
+ARM = 0.35  # m
 SURE = 0.8  # the probability from which another motion counts
 FOR_STEPS = 6  # and for how many steps in a row
 
 
 class PersonFollower:
-    """Follows named points, joints of the library's body or `root`, of a person of some height, m.
+    """Follows named points, joints of the library's body or `root`, of a person of some height, m; or a rig's joints.
 
     UnknownNameError for a point that the body lacks. MotiondeckError for a network without a phase, or a wrong height.
     """
 
     def __init__(self, library: MotionLibrary, points: Sequence[str], height: float | None = None) -> None:
         skeleton = library.encoding.skeleton
-        names = (ROOT, *skeleton.bones)
-        for point in points:
-            if point not in names:
-                raise UnknownNameError.among("point", point, names)
+        own = UnknownNameError.indices("point", points, (ROOT, *skeleton.bones))
         if library.network.as_phase_network is None:
             raise MotiondeckError("the network of this library has no phase that could follow a person")
-        if height is not None and not 0.5 <= height <= 2.5:
-            raise MotiondeckError(f"a person of {height:g} m; give their height in metres, from 0.5 to 2.5")
+        if height is not None and (skeleton.is_rig or not 0.5 <= height <= 2.5):
+            raise MotiondeckError(f"a person of {height:g} m; give their height in metres, from 0.5 to 2.5, of no rig")
         motions = [read_motions(library)[name] for name in library.network.motions]
-        own, bodies = [names.index(point) for point in points], [body_course(library, motion) for motion in motions]
-        resting = skeleton.chain @ (skeleton.rest_direction * skeleton.length[:, None])
-        self._scale = float(np.ptp(resting[:, 2])) / height if height is not None else 1.0
+        bodies = [body_course(library, motion) for motion in motions]
+        own_height = float(np.ptp((skeleton.chain @ skeleton.offsets)[:, 2]))
+        self._scale = ARM if skeleton.is_rig else own_height / height if height is not None else 1.0
         loops = [motion.loop for motion in motions]
         self._steps = [len(turns) // (3 if loop else 1) for (_, turns), loop in zip(bodies, loops, strict=True)]
         self._filter = PhaseFilter([body[:, own] for body, _ in bodies], [heading for _, heading in bodies], loops)
@@ -49,7 +49,10 @@ class PersonFollower:
         self._near: float | None = None  # the frame that is expected next
 
     def step(self, seen: Mapping[str, Sequence[float]]) -> tuple[str, float, float] | None:
-        """Goes on by 1 / RATE s with points in the world, m, z up: the motion, phase and tempo, once they are known."""
+        """Goes on by 1 / RATE s with points in the world, m, z up: the motion, phase and tempo, once they are known.
+
+        The z of a rig's joint is its angle, rad.
+        """
         measured = np.array([seen.get(point, (np.nan,) * 3) for point in self._points], dtype=float)
         measured[~(np.abs(measured) < FARTHEST)] = np.nan
         self._filter.step(measured * self._scale)
@@ -67,10 +70,16 @@ class PersonFollower:
 
 
 def body_course(library: MotionLibrary, motion: Motion) -> tuple[Array, Array]:
-    """The joints of a motion in the world, at RATE: (T, 1 + B, 3), m, and its headings (T,); of a loop three rounds."""
+    """The joints of a motion in the world, at RATE: (T, 1 + B, 3), m, and its headings (T,); of a loop three rounds.
+
+    Of a rig they are at the heights that stand for its angles.
+    """
     seconds = motion.seconds if motion.loop else motion.whole
     steps = max(2, round(seconds * RATE))
     playing, dt = MotionGenerator(library, motion.name), seconds / steps
     rows = [playing.step(dt if row else 0.0) for row in range(3 * steps if motion.loop else steps)]
     pose = walk_path(library.encoding.decode(np.array(rows)), dt)
+    if library.encoding.skeleton.is_rig:
+        heights = ARM * np.pad(angles_of(pose.rotation[:, 1:]), ((0, 0), (1, 0)))
+        return heights[..., None] * [0.0, 0.0, 1.0], pose.heading
     return library.encoding.skeleton.joints(pose.root_position, pose.rotation), pose.heading

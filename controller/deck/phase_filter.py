@@ -2,14 +2,15 @@
 
 A state is a frame f of a motion and a tempo v. In each step of 1 / RATE s
 
-    p(f, v)  <-  (1 - NEW) sum_u p(f - v, u) T(u, v) + NEW / S,      p(f, v)  <-  p(f, v) exp(-e(f, v) / (2 s^2 n))
+    p(f, v)  <-  (1 - NEW) sum_u p(f - v, u) T(u, v) + NEW / S,      p(f, v)  <-  p(f, v) exp(-e(f, v) / 2)
 
-T keeps the tempo but for a share CHANGE, NEW is the chance of having gone anywhere else, and the errors of n successive
-measurements are alike. e is the squared distance of the measured points, now and PAST steps ago, from those of the
-state, after the turn about the vertical and the shift along the ground that bring them nearest. With z = x + i y and q
-of measured and expected points, each less its mean, and their heights h and g,
+T keeps the tempo but for a share CHANGE, and NEW is the chance of having gone anywhere else. e is the squared distance
+of the measured points and of their changes in PAST steps from those of the state, after the turn about the vertical and
+the shift along the ground that bring them nearest. Strangers hold their hands elsewhere, but move them alike, so w is
+1 / PLACE^2 for places and 1 / MOVED^2 for changes. With z = x + i y and q of what is measured and expected, places less
+their mean, and their heights h and g,
 
-    e = sum |z|^2 + sum |q|^2 - 2 |sum conj(q) z| + sum (h - g)^2
+    e = sum w |z|^2 + sum w |q|^2 - 2 |sum w conj(q) z| + UP sum w (h - g)^2
 
 so it does not matter where the body stands and where it faces. Points that are not seen do not count. A person holds
 hands and head elsewhere than the body of the motions does: by how much, seen from the body, is a running mean over the
@@ -27,16 +28,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.motion.clip import between_rows
-from controller.motion.rotations import Array, Flags
+from controller.motion.rotations import Array
 
 RATE = 30.0  # Hz
-PAST = 6  # steps
+PAST = 4  # steps
 TEMPOS: Array = np.array([-1.0, 0.0, 0.5, 1.0, 1.5, 2.0])
-DEVIATION = 0.05  # s, of a point of another person, m
-ALIKE = 1.5  # n
+PLACE, MOVED, UP = 0.1, 0.04, 2.0  # m; how much heights count
 NEW, CHANGE = 0.01, 0.15  # a step
 ABOUT, KEPT_FROM = 8, 0.2  # frames about the likeliest one that belong to it; its share of the likelihood
-OWN, MOST_OWN = 2.0, 0.08  # s, and m at most
+OWN, MOST_OWN = 2.0, 0.15  # s, and m at most
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +61,7 @@ class PhaseFilter:
         self._first = np.concatenate([[0], np.cumsum(lengths)])
         self._loops, frames, self._count = [*loops], int(self._first[-1]), courses[0].shape[1]
         now, facing = np.empty((frames, self._count, 3)), np.empty(frames)
-        past = np.empty((len(TEMPOS), frames, self._count, 3))
+        moved = np.empty((len(TEMPOS), frames, self._count, 3))
         self._from = np.empty((2, len(TEMPOS), frames), dtype=np.int64)  # the frames before; `frames` stands for none
         self._share = TEMPOS[:, None] - np.floor(TEMPOS)[:, None]
         for first, long, course, heading, loop in zip(self._first[:-1], lengths, courses, headings, loops, strict=True):
@@ -69,14 +69,15 @@ class PhaseFilter:
             flat, every = course.reshape(len(course), -1), np.arange(len(course))
             now[own], facing[own] = course[start : start + long], heading[start : start + long]
             for v, tempo in enumerate(TEMPOS):
-                past[v, own] = between_rows(flat, every, start + here - PAST * tempo).reshape(long, -1, 3)
+                past = between_rows(flat, every, start + here - PAST * tempo).reshape(long, -1, 3)
+                moved[v, own] = now[own] - past
                 for table, back in zip(self._from, (np.floor(tempo), np.floor(tempo) + 1.0), strict=True):
                     before = here - int(back)
                     inside = (before >= 0) & (before < long)
                     table[v, own] = first + before % long if loop else np.where(inside, first + before, frames)
         centre, turn = _plane(now).mean(1, keepdims=True), np.exp(-1j * facing)[:, None]
         self._now = _Expected(turn * (_plane(now) - centre), now[..., 2])
-        self._past = _Expected(turn * (_plane(past) - centre), past[..., 2])
+        self._moved = _Expected(turn * _plane(moved), moved[..., 2])
         self._offset = np.zeros(self._count, dtype=complex)  # of the person's own points, and of their heights
         self._offset_up = np.zeros(self._count)
         size = len(TEMPOS)
@@ -93,10 +94,9 @@ class PhaseFilter:
         belief *= (1.0 - NEW) / max(float(belief.sum()), 1e-300)
         belief += NEW / belief.size
         self._seen.append(np.array(measured, dtype=float))
-        points = np.concatenate([self._seen[-1], self._seen[0] if len(self._seen) > PAST else measured * np.nan])
-        seen: Flags = np.isfinite(points.sum(axis=1))
-        if seen[: self._count].any():
-            self._weigh(belief, points, seen)
+        moved = self._seen[-1] - self._seen[0] if len(self._seen) > PAST else np.full((self._count, 3), np.nan)
+        if np.isfinite(self._seen[-1].sum(axis=1)).any():
+            self._weigh(belief, self._seen[-1], moved)
         self._belief = belief / belief.sum()
 
     @property
@@ -127,25 +127,26 @@ class PhaseFilter:
         tempo = float(TEMPOS @ own.sum(1) / max(float(own.sum()), 1e-300))
         return BodyPlace(best, float(evidence[best]), top + off, deviation, tempo)
 
-    def _weigh(self, belief: Array, points: Array, seen: Flags) -> None:
-        """Weighs the belief by the points now and before, (2 K, 3), and learns the person's own offsets."""
-        count, weight = self._count, seen.astype(float)
-        total = weight.sum()
-        z, h = np.where(seen, _plane(points), 0.0), np.where(seen, points[:, 2] - np.tile(self._offset_up, 2), 0.0)
-        z = np.where(seen, z - z.sum() / total, 0.0)
-        own = self._now.sums(weight[:count], z[:count], h[:count], self._offset)
-        before = self._past.sums(weight[count:], z[count:], h[count:], self._offset)
-        mean, cross, square = (a + b.reshape(len(TEMPOS), -1) for a, b in zip(own, before, strict=True))
-        error = square - (np.square(mean.real) + np.square(mean.imag)) / total - 2.0 * np.abs(cross)
-        belief *= np.exp((error.min() - error) / (2.0 * DEVIATION**2 * ALIKE))
+    def _weigh(self, belief: Array, points: Array, moved: Array) -> None:
+        """Weighs the belief by the points and their changes, (K, 3), and learns the person's own offsets."""
+        seen, follows = (np.isfinite(each.sum(axis=1)) for each in (points, moved))
+        z, h = np.where(seen, _plane(points), 0.0), np.where(seen, points[:, 2] - self._offset_up, 0.0)
+        z, total = np.where(seen, z - z.sum() / seen.sum(), 0.0), seen.sum() / PLACE**2
+        mean, cross, square = self._now.sums(seen / PLACE**2, z, h, self._offset)
+        change = np.where(follows, _plane(moved), 0.0), np.where(follows, moved[:, 2], 0.0)
+        _, turned, apart = self._moved.sums(follows / MOVED**2, *change, np.zeros_like(z))
+        cross = cross + turned.reshape(len(TEMPOS), -1)
+        error = square - (np.square(mean.real) + np.square(mean.imag)) / total + apart.reshape(len(TEMPOS), -1)
+        error -= 2.0 * np.abs(cross)
+        belief *= np.exp((error.min() - error) / 2.0)
         best = np.unravel_index(belief.argmax(), belief.shape)
         back = np.exp(-1j * np.angle(cross[best]))
         flat, up = self._now.points(best[1])
-        gain = weight[:count] / (RATE * OWN)
-        left = back * z[:count] - (flat + self._offset - np.conj(mean[best]) / total)
+        gain = seen / (RATE * OWN)
+        left = back * z - (flat + self._offset - np.conj(mean[best[1]]) / total)
         self._offset += gain * left
         self._offset *= np.minimum(1.0, MOST_OWN / np.maximum(np.abs(self._offset), 1e-9))
-        self._offset_up = (self._offset_up + gain * (h[:count] - up)).clip(-MOST_OWN, MOST_OWN)
+        self._offset_up = (self._offset_up + gain * (h - up)).clip(-MOST_OWN, MOST_OWN)
 
 
 class _Expected:
@@ -154,7 +155,7 @@ class _Expected:
     def __init__(self, flat: NDArray[np.complex128], up: Array) -> None:
         count = flat.shape[-1]
         self._flat, height = np.conj(flat).reshape(-1, count).astype(np.complex64), up.reshape(-1, count)
-        square = np.square(np.abs(self._flat)) + np.square(height)
+        square = np.square(np.abs(self._flat)) + UP * np.square(height)
         self._real = np.concatenate([square, height], axis=1).astype(np.float32)
 
     def points(self, state: Any) -> tuple[Any, Any]:
@@ -164,9 +165,9 @@ class _Expected:
     def sums(
         self, weight: Array, z: NDArray[np.complex128], height: Array, offset: NDArray[np.complex128]
     ) -> tuple[Any, Any, Any]:
-        """Of each state with its points offset sum w conj(q), sum w conj(q) z and sum w (|q|^2 + g^2 - 2 g h), (S,)."""
+        """Of each state with its points offset sum w conj(q), sum w conj(q) z and sum w (|q|^2 + UP (g^2 - 2 g h))."""
         both = self._flat @ np.column_stack([weight, weight * z, weight * offset]).astype(np.complex64)
-        real = self._real @ np.concatenate([weight, -2.0 * weight * height]).astype(np.float32)
+        real = self._real @ np.concatenate([weight, -2.0 * UP * weight * height]).astype(np.float32)
         shift = weight * np.conj(offset)
         square = real + 2.0 * both[:, 2].real + float(weight @ np.square(np.abs(offset)))
         return both[:, 0] + shift.sum(), both[:, 1] + shift @ z, square

@@ -41,7 +41,7 @@ class TrackerMap(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     listen: Port  # the UDP port on loopback
     library: str  # the one that the deck plays: a file or the name of a shipped one
-    points: tuple[str, ...] = ("head", "lhan", "rhan")  # joints of its body that are followed, or `root`
+    points: tuple[str, ...] = ("head", "lhan", "rhan")  # joints of its body or rig that are followed, or `root`
     height: float | None = None  # of the person, m; without it they are as tall as the library's body
     names: dict[str, str] = {}  # the point of each device, by its serial number
 

@@ -1,4 +1,4 @@
-"""Trackers: points of a person's body arrive by UDP, as JSON or VMC, and lead the deck.
+"""Trackers: points of a person's body or angles of a rig arrive by UDP, as JSON or VMC, and lead the deck.
 
 VMC is OSC: /VMC/Ext/{Tra,Hmd,Con}/Pos has the place of a device by its serial number, /VMC/Ext/Bone/Pos the place and
 rotation of a bone in its parent, with Unity's axes (x right, y up, z forward) and names of bones.
@@ -33,7 +33,8 @@ for _side, _first, _bones, _points in (("", "", *_TRUNK), *_SIDES):
 
 
 class _Datagram(msgspec.Struct, forbid_unknown_fields=True):
-    points: dict[str, tuple[float, float, float]]
+    points: dict[str, tuple[float, float, float]] = {}  # m, z up
+    angles: dict[str, float] = {}  # of a rig's joints, rad
 
 
 class TrackerInput(LoopbackPort):
@@ -69,12 +70,12 @@ class TrackerInput(LoopbackPort):
     def _take(self, data: bytes, now: float) -> None:
         if data[:1] == b"{":
             try:
-                points = self._json.decode(data).points
+                given = self._json.decode(data)
             except msgspec.MsgspecError as error:
                 self._notify(f"tracker data that cannot be read was left out ({error})")
                 return
-            for name, place in points.items():
-                self._points[name] = now, place
+            heights = {name: (0.0, 0.0, angle) for name, angle in given.angles.items()}
+            self._points |= {name: (now, place) for name, place in (given.points | heights).items()}
             return
         bones = False
         for timed in self.messages(data):

@@ -1,5 +1,6 @@
 """A person's motion, phase and tempo are found from three points, wherever they stand and whatever is lost."""
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -7,7 +8,11 @@ import synthetic
 from controller.deck.deck import Deck
 from controller.deck.motion_generator import MotionGenerator
 from controller.deck.person_follower import PersonFollower
+from controller.learning.fit import fit
+from controller.learning.recipe import gesture_recipe
+from controller.learning.trainers.clip import ClipRecipe
 from controller.library.motion_library import load_library
+from controller.motion.formats.taught_clip import save_taught_clip, taught_clip
 from controller.motion.skeleton import walk_path
 from controller.wire.messages.arguments import CommandError
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
@@ -94,6 +99,45 @@ def test_a_person_of_another_height_is_followed_where_it_is_said(people):
     assert apart(place[1], leader.phase) < 0.06
 
 
+JOINTS = ("pan", "tilt", "jaw", "lid")
+
+
+def rig_angles(motion, t):
+    """The angles of JOINTS, rad, in two loops of 2 s and 1.6 s."""
+    turn = 2.0 * np.pi * t / {"nod": 2.0, "sway": 1.6}[motion]
+    if motion == "nod":
+        return np.stack([0.1 * np.sin(turn), 0.4 * np.cos(turn), 0.3 * np.sin(turn), 0.0 * t], axis=-1)
+    return np.stack([0.6 * np.sin(turn), 0.1 * np.cos(turn), 0.0 * t, 0.3 * np.sin(turn)], axis=-1)
+
+
+@pytest.fixture(scope="module")
+def rig(tmp_path_factory):
+    folder, t = tmp_path_factory.mktemp("rig"), np.arange(400) / 50.0
+    for motion in ("nod", "sway"):
+        clip = taught_clip(motion, JOINTS, 50.0, rig_angles(motion, t))
+        save_taught_clip(clip, folder / f"{motion}.clip", "loop")
+    recipe = gesture_recipe("gestures", [folder / "nod.clip", folder / "sway.clip"])
+    return fit(msgspec.structs.replace(recipe, network=ClipRecipe()), folder)
+
+
+@pytest.mark.parametrize(("motion", "tempo"), [("nod", 1.0), ("sway", 0.7)])
+def test_a_rig_that_is_moved_by_hand_leads_by_the_angles_of_some_joints(rig, motion, tempo):
+    follower, rng, found = PersonFollower(rig, ("pan", "tilt")), np.random.default_rng(2), []
+    t = tempo * np.arange(90) / RATE
+    for angles in rig_angles(motion, t)[:, :2] + 0.05 * rng.standard_normal((90, 2)):
+        seen = zip(("pan", "tilt"), angles.tolist(), strict=True)
+        found.append(follower.step({joint: (0.0, 0.0, angle) for joint, angle in seen if rng.random() >= 0.2}))
+    assert all(place is not None and place[0] == motion for place in found[20:])
+    # A learned loop has some rounds, and where it begins is its own affair: the phase goes on as the hand does.
+    seconds = {"nod": 2.0, "sway": 1.6}[motion]
+    rounds = next(round(one.frames / rig.info.rate / seconds) for one in rig.info.motions if one.name == motion)
+    ahead = np.unwrap([2.0 * np.pi * (rounds * place[1] % 1.0) for place in found[20:]]) / (2.0 * np.pi)
+    line = np.polyfit(t[20:] / seconds, ahead, 1)
+    assert line[0] == pytest.approx(1.0, abs=0.1)
+    assert np.abs(ahead - np.polyval(line, t[20:] / seconds)).max() < 0.1
+    assert np.mean([place[2] for place in found[40:]]) == pytest.approx(tempo, abs=0.3)
+
+
 def test_the_hands_of_a_person_who_holds_them_otherwise_are_learned(people):
     follower, leader = PersonFollower(people, POINTS), Leader(people, "waltz", steps=120)
     missed = []
@@ -105,11 +149,15 @@ def test_the_hands_of_a_person_who_holds_them_otherwise_are_learned(people):
     assert np.mean(missed[60:]) < 0.02
 
 
-def test_an_unknown_point_a_wrong_height_and_a_network_without_phase_are_refused(people):
+def test_an_unknown_point_a_wrong_height_and_a_network_without_phase_are_refused(people, rig):
     with pytest.raises(UnknownNameError, match="rhan"):
         PersonFollower(people, ("rham",))
     with pytest.raises(MotiondeckError, match="175 m"):
         PersonFollower(people, POINTS, height=175.0)
+    with pytest.raises(UnknownNameError, match="pan"):
+        PersonFollower(rig, ("pam",))
+    with pytest.raises(MotiondeckError, match="of no rig"):
+        PersonFollower(rig, ("pan",), height=1.7)
     with pytest.raises(MotiondeckError, match="no phase"):
         PersonFollower(synthetic.small_library(), ("head",))
 

@@ -105,6 +105,13 @@ def test_points_in_json_lead(sender, waving):
     check(sender, waving[1])
 
 
+def test_angles_in_json_are_those_of_joints(sender):
+    sender.send(b'{"angles": {"neck": 0.25, "larm": -1}, "points": {"head": [1, 2, 3]}}')
+    seen = sender.input._seen(sender.now)
+    assert (seen["neck"][2], seen["larm"][2], seen["head"][2]) == (0.25, -1.0, 3.0)
+    assert sender.told == []
+
+
 def test_trackers_of_vmc_lead_by_their_serial_numbers(waving):
     names = {"HMD-1": "head", "LHR-2": "rarm", "LHR-3": "larm"}
     with closing(Sender(names=names)) as sender:
