@@ -131,7 +131,7 @@ def deck_on_emulated_servos(work: Path) -> Iterator[tuple[str, Callable[[str], N
         print(words, file=servos.stdin, flush=True)
 
     try:
-        yield deck.stderr.readline().split()[1], tell
+        yield next(line for line in deck.stderr if line.startswith("page:")).split()[1], tell
     finally:
         deck.terminate()
         deck.communicate()

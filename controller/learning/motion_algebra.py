@@ -19,7 +19,7 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple, cast
 
 import msgspec
 import numpy as np
@@ -28,7 +28,7 @@ from controller.learning.fit import describe_motion
 from controller.learning.measures.disturbance import stress_test
 from controller.learning.measures.self_test import Judge, self_test
 from controller.learning.recipe import MotionRecipe, check_name
-from controller.library.motion_library import MotionInfo, MotionLibrary
+from controller.library.motion_library import MotionLibrary
 from controller.motion.encodings.bone_directions import FIRST_BONE
 from controller.motion.encodings.encoding import Encoding
 from controller.motion.encodings.motion_matching import joint_features
@@ -60,11 +60,6 @@ class ComputedMotion:
     aperture: float  # the factor of its aperture
     similarity: dict[str, float]  # of its conceptor to that of each motion of one piece, 0 to 1
 
-    @property
-    def motion(self) -> MotionInfo:
-        """The new motion and its verdict."""
-        return self.library.info.motions[-1]
-
 
 def compute_motion(library: MotionLibrary, expression: str, name: str) -> ComputedMotion:
     """Adds the motion of an expression to a library, which plays it to judge it.
@@ -76,8 +71,7 @@ def compute_motion(library: MotionLibrary, expression: str, name: str) -> Comput
     if name in network.motions:
         raise MotiondeckError(f"there is a motion '{name}' in the library '{info.name}' already; give another name")
     part, activity, jerk, factor = play_mixed(library, mixed_conceptor(network, expression))
-    grown: Any = network
-    grown = grown.with_motions({name: part})
+    grown = cast(Any, network).with_motions({name: part})
     judge = Judge(library.encoding, {name: part.read()}, {name: True}, info.rate)
     verdict = stress_test(grown, self_test(grown, judge), judge, info.seed)[name]
     described = describe_motion(MotionRecipe(name=name, file=expression), part.read(), grown, verdict, ANCHOR_EVERY)
@@ -85,8 +79,8 @@ def compute_motion(library: MotionLibrary, expression: str, name: str) -> Comput
         reason = f"moves {activity:.2f} and jerks {jerk:.2f} times as much as its motions"
         described = msgspec.structs.replace(described, passed=False, reason=reason)
     info = msgspec.structs.replace(info, motions=[*info.motions, described])
-    grown_library = MotionLibrary(info, grown, library.encoding)
-    return ComputedMotion(grown_library, activity, jerk, factor, similarities(grown, name))
+    found = MotionLibrary(info, grown, library.encoding)
+    return ComputedMotion(found, activity, jerk, factor, similarities(grown, name))
 
 
 def similarities(network: AnyNetwork, motion: str) -> dict[str, float]:
@@ -102,11 +96,11 @@ def similarities(network: AnyNetwork, motion: str) -> dict[str, float]:
 
 @dataclass(frozen=True)
 class MixedConceptor:
-    """A conceptor B C B' that was computed from others, and the shares of their mean states in m, which sum to 1."""
+    """A conceptor B C B' that was computed from others: B orthonormal (N, q), C (q, q), and the shares of their m."""
 
-    directions: Array  # B, orthonormal, shape (N, q)
-    matrix: Array  # C, shape (q, q)
-    shares: dict[str, float]
+    directions: Array
+    matrix: Array
+    shares: dict[str, float]  # which sum to 1
 
 
 def mixed_conceptor(network: AnyNetwork, expression: str) -> MixedConceptor:
@@ -144,12 +138,11 @@ def play_mixed(library: MotionLibrary, mixed: MixedConceptor) -> tuple[PhaseConc
     return max(smooth, key=lambda one: one[1]) if smooth else min(tried, key=lambda one: one[2])
 
 
-@dataclass(frozen=True)
-class _Term:
-    """A conceptor in the directions of M motions and one for all others, and how often each motion is in it."""
+class _Term(NamedTuple):
+    """A conceptor (q + 1, q + 1) in the directions of M motions and one for all else; how often each is in it (M,)."""
 
-    matrix: Array  # shape (q + 1, q + 1)
-    own: Array  # of motions that are not negated, shape (M,)
+    matrix: Array
+    own: Array  # of motions that are not negated
     negated: Array  # of those that are
 
 

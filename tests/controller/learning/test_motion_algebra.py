@@ -127,7 +127,7 @@ def test_similarity_is_that_of_dense_conceptors(network):
 
 def test_a_morph_moves_between_both(half):
     network, encoding = half.library.network, half.library.encoding
-    assert half.motion.passed
+    assert half.library.info.motions[-1].passed
     assert 0.5 < half.activity < 1.2
     assert half.jerk < 1.5
     middle = {name: joint_features(encoding, network[name].read()).mean(0) for name in ("march", "stride", "half")}
