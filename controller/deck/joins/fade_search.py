@@ -84,11 +84,9 @@ class FadeSearch:
         if self.found:
             return self._best
         self._candidate = replace(fade, duration=duration, slowing=self._shares[0] * duration)
-        if not better:
-            return longest
         if fade.slowing < fade.duration:  # swinging on has proved worse than being slowed down sooner
-            return fade
-        return max(longest, self._candidate, key=lambda one: one.duration)
+            return fade if better else longest
+        return max(longest, self._candidate, key=lambda one: one.duration) if better else longest
 
     def _beyond(self, fade: Fade) -> float:
         """The use of the planned share of the bounds by a fade; 1 is the limit."""

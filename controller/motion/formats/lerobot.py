@@ -10,6 +10,7 @@ dataset does not say whether its numbers are degrees, so the options do.
 from importlib import import_module
 from itertools import chain
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -24,15 +25,6 @@ from motiondeck_base.files import Line, read_bytes
 
 _COLUMNS = ("observation.state", "action")
 _POSITION = ".pos"
-
-
-class _Feature(msgspec.Struct):
-    names: list[str] | dict[str, list[str]] | None = None  # version 2 may have them under `motors`
-
-
-class _Info(msgspec.Struct):
-    fps: float
-    features: dict[str, msgspec.Raw]
 
 
 def read_episode(path: str | Path, options: ReadingOptions = AS_FOUND) -> Clip:
@@ -67,13 +59,14 @@ def _described(path: Path) -> tuple[str, list[str], float]:
     if not file.is_file():
         raise FileFormatError(f"{path}: it is no dataset of LeRobot without meta/info.json, two folders above.")
     try:
-        info = msgspec.json.decode(read_bytes(file), type=_Info)
+        info: Any = msgspec.json.decode(read_bytes(file))
         for column in _COLUMNS:
-            names = msgspec.json.decode(info.features.get(column, b"{}"), type=_Feature).names
-            names = [*chain(*names.values())] if isinstance(names, dict) else names
-            if names and 1.0 <= info.fps <= 10_000.0:
-                return column, names, info.fps
-    except (msgspec.MsgspecError, UnicodeDecodeError) as error:
+            names = info["features"].get(column, {}).get("names")
+            # Version 2 may have them under `motors`.
+            names = msgspec.convert([*chain(*names.values())] if isinstance(names, dict) else names, list[str] | None)
+            if names and 1.0 <= info["fps"] <= 10_000.0:
+                return column, names, float(info["fps"])
+    except (msgspec.MsgspecError, UnicodeDecodeError, KeyError, TypeError, AttributeError) as error:
         raise FileFormatError(f"{file}: not as LeRobot writes it ({error}). Fetch it again.") from None
     raise FileFormatError(f"{file}: no possible fps, or no names in {' or '.join(_COLUMNS)}. Write them into it.")
 

@@ -93,6 +93,17 @@ def test_what_is_wrong_is_said_with_its_remedy(tmp_path, monkeypatch):
     dataset(tmp_path, [swing(20)], names=None)
     with pytest.raises(FileFormatError, match=r"no names in observation\.state or action"):
         read_clip(path, DEGREES)
+    info = tmp_path / "meta" / "info.json"
+    for wrong in (
+        "[]",
+        '{"fps": 30}',
+        '{"fps": "x", "features": {"action": {"names": ["a"]}}}',
+        "{",
+        '{"features": 3}',
+    ):
+        info.write_text(wrong)
+        with pytest.raises(FileFormatError, match="not as LeRobot writes it"):
+            read_clip(path, DEGREES)
     path = dataset(tmp_path, [np.where(np.arange(20)[:, None] == 7, np.nan, swing(20))])
     with pytest.raises(FileFormatError, match="a number is missing"):
         read_clip(path, DEGREES)
