@@ -10,6 +10,8 @@ from typer import Option
 
 from motiondeck.cli.common.options import JsonOption
 from motiondeck.cli.library import LibraryArgument
+from motiondeck_base.errors import MotiondeckError
+from motiondeck_base.shipped import find_rig
 
 
 def export(
@@ -19,11 +21,12 @@ def export(
     rig: Annotated[str | None, Option(metavar="RIG", help="The rig whose joints and limits it has.")] = None,
     motions: Annotated[str, Option(metavar="NAME,NAME", help="The motions; the first one begins; default: all.")] = "",
     target: Annotated[
-        Literal["c", "web"], Option("--for", help="C99 without heap or operating system, or a page for any browser.")
+        Literal["c", "arduino", "web"],
+        Option("--for", help="C99 without heap or operating system, an Arduino library, or a page for any browser."),
     ] = "c",
     as_json: JsonOption = False,
 ) -> None:
-    """Write a player in C, or a page that plays it, with motions.
+    """Write a player in C, an Arduino library or a page with motions.
 
     The library is baked for the robot, or was taught to the rig. The player switches, fades, keeps tempo, limits and
     the emergency stop as the deck does. The folder builds as it is: `make` replays a golden trace of the deck. A page
@@ -31,13 +34,19 @@ def export(
 
     Example:  motiondeck export thesis15 --robot servo20 --motions walk,jog,waltz --for c --out figure
     """
+    from hardware.rig.rig_file import load_rig
     from motiondeck.cli.common.tables import show_table
+    from motiondeck.export.arduino_library import write_arduino
     from motiondeck.export.c_folder import write_c
     from motiondeck.export.source import open_figure
 
+    if target == "arduino" and rig is None:
+        raise MotiondeckError("--for arduino drives the servos of a rig: name its file with --rig, not --robot")
     names = [name.strip() for name in motions.split(",") if name.strip()]
     figure = open_figure(library, robot, rig, names, out if target == "web" else None)
-    if target == "c":
+    if target == "arduino" and rig is not None:
+        write_arduino(figure, load_rig(find_rig(rig)), out)
+    elif target == "c":
         write_c(figure, out)
     rows = [(name, size, *figure.error[name]) for name, size in figure.bytes_of.items()]
     if as_json:
@@ -48,5 +57,5 @@ def export(
         ("motion", "bytes", "off by (rms)", "at most"),
         [(name, str(size), f"{1e3 * rms:.2f} mrad", f"{1e3 * most:.2f} mrad") for name, size, rms, most in rows],
     )
-    then = f"`make -C {out}` replays a trace of the deck" if target == "c" else f"open {out / 'index.html'}"
-    print(f"{out}: {len(figure.words)} bytes of motions; {then}.")
+    then = {"c": f"`make -C {out}` replays a trace of the deck", "web": f"open {out / 'index.html'}"}
+    print(f"{out}: {len(figure.words)} bytes of motions; {then.get(target, 'put it among the libraries of Arduino')}.")

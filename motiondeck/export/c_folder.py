@@ -20,9 +20,7 @@ def write_c(figure: Figure, folder: Path) -> None:
     for source in SOURCES:
         write_file(folder / source.name, source.read_bytes())
     write_file(folder / "figure.bin", figure.words)
-    words = _lines(f"0x{word:08x}u" for word in np.frombuffer(figure.words, "<u4"))
-    head = f"/* {figure.library.info.name} */\n#define FIGURE_JOINTS {len(figure.rest)}\n#include <stdint.h>\n"
-    write_file(folder / "figure.h", f"{head}static const uint32_t figure[] = {{\n{words}".encode())
+    write_file(folder / "figure.h", figure_header(figure))
     names = figure.library.network.motions
     script = golden_script(names)
     calls = [(tick, *spelled(command, names)) for tick, command in script]
@@ -31,6 +29,13 @@ def write_c(figure: Figure, folder: Path) -> None:
     head = f"/* What the deck plays, rad */\n#define GOLDEN_TICKS {LASTS}\n#define GOLDEN_EVERY {EVERY}\n"
     given = f"static const golden_command golden_commands[] = {{\n{rows}"
     write_file(folder / "golden.h", f"{head}{given}static const float golden_angles[] = {{\n{angles}".encode())
+
+
+def figure_header(figure: Figure) -> bytes:
+    """The words of a figure as C."""
+    words = _lines(f"0x{word:08x}u" for word in np.frombuffer(figure.words, "<u4"))
+    head = f"/* {figure.library.info.name} */\n#define FIGURE_JOINTS {len(figure.rest)}\n#include <stdint.h>\n"
+    return f"{head}static const uint32_t figure[] = {{\n{words}".encode()
 
 
 def _lines(values: Iterable[str]) -> str:
