@@ -157,8 +157,12 @@ class NetworkConnection:
 
     def send(self, data: bytes) -> None:
         """Sends a command; raises a PeerGoneError if no deck replies there."""
+        deadline = time.monotonic() + _ANSWERS_WITHIN
+        while not self._challenge and time.monotonic() < deadline:
+            self._put_body(_HELLO.pack(b"H", self._name))
+            self._take(_HELLO_EVERY)
         if not self._challenge:
-            self._greet()
+            raise self._nobody()
         self._pending = data
         self._put()
 
@@ -181,14 +185,6 @@ class NetworkConnection:
     def close(self) -> None:
         """Closes the socket; may be called twice."""
         self._socket.close()
-
-    def _greet(self) -> None:
-        deadline = time.monotonic() + _ANSWERS_WITHIN
-        while not self._challenge and time.monotonic() < deadline:
-            self._put_body(_HELLO.pack(b"H", self._name))
-            self._take(_HELLO_EVERY)
-        if not self._challenge:
-            raise self._nobody()
 
     def _put(self) -> None:
         self._number += 1

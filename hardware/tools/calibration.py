@@ -171,7 +171,12 @@ def measured_joint(
     zero, low, high = zero - turns, low - turns, high - turns
     notes: list[str] = []
     if joint.table.series.wraps and not bottom <= low <= high <= top and high - low <= top - bottom:
-        joint, shift = _centred(joint, low, high)
+        turn = joint.table.pulses_per_turn
+        shift = (low + high - turn) // 2  # puts the range into the middle of one turn
+        offset = (joint.homing_offset + shift + turn // 2) % turn - turn // 2
+        if offset == -(turn // 2):  # which a size and a sign cannot be
+            offset, shift = offset + 1, shift + 1
+        joint = msgspec.structs.replace(joint, homing_offset=offset)
         zero, low, high = zero - shift, low - shift, high - shift
         notes.append(f"{joint.name} needs homing_offset {joint.homing_offset}: motiondeck rig doctor RIG --fix")
     if EXTENDED_MODE in joint.modes:
@@ -203,16 +208,6 @@ def measured_joint(
         ), notes
     except ValueError as error:
         raise RigError(f"{joint.name}: {error}.") from error
-
-
-def _centred(joint: RigJoint, low: int, high: int) -> tuple[RigJoint, int]:
-    """The joint with a homing offset that puts its range into the middle of one turn, and by how much."""
-    turn = joint.table.pulses_per_turn
-    shift = (low + high - turn) // 2
-    offset = (joint.homing_offset + shift + turn // 2) % turn - turn // 2
-    if offset == -(turn // 2):  # which a size and a sign cannot be
-        offset, shift = offset + 1, shift + 1
-    return msgspec.structs.replace(joint, homing_offset=offset), shift
 
 
 def clear_offsets(config: RigConfig, bus: Bus) -> list[str]:

@@ -98,7 +98,10 @@ class OffScreen:
         for rect, view in zip(self._rects, self._cameras, strict=True):
             mujoco.mjv_updateScene(self._model, self._data, self._option, None, view, every, self._scene)
             if ghost is not None:
-                self._add_ghost()
+                first, moving = self._scene.ngeom, mujoco.mjtCatBit.mjCAT_DYNAMIC.value
+                mujoco.mjv_addGeoms(self._model, self._other, self._option, self._perturb, moving, self._scene)
+                for geom in self._scene.geoms[first : self._scene.ngeom]:
+                    geom.rgba[:] = GHOST
             for corners in prints:
                 self._add_print(corners)
             mujoco.mjr_render(rect, self._scene, self._context)
@@ -126,13 +129,6 @@ class OffScreen:
         self._middle = middle = (1.0 - FOLLOW) * self._middle + FOLLOW * here
         for view in self._cameras:
             view.lookat[:] = (*middle, LOOK_HEIGHT * self._tall)
-
-    def _add_ghost(self) -> None:
-        first = self._scene.ngeom
-        moving = mujoco.mjtCatBit.mjCAT_DYNAMIC.value
-        mujoco.mjv_addGeoms(self._model, self._other, self._option, self._perturb, moving, self._scene)
-        for geom in self._scene.geoms[first : self._scene.ngeom]:
-            geom.rgba[:] = GHOST
 
     def _add_print(self, corners: Array) -> None:
         scene = self._scene

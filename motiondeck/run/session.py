@@ -136,7 +136,10 @@ class Session:
         played = dict.fromkeys(name for switch in full["switches"] for name in (*switch["via"], switch["to"]))
         full["verdicts"] = [self.verdicts[name].row() for name in {first: None, **played} if name in self.verdicts]
         full |= {"library": self.source, "robot": self._first.name} | recorded
-        return full | self._kept_apart() | ({"recognition": self.watch.report()} if self.watch else {})
+        guards = {robot.prefix: robot.guard for robot in self.robots if robot.guard is not None}
+        counts = {prefix + pair: count for prefix, guard in guards.items() for pair, count in guard.kept_apart.items()}
+        full |= {"kept_apart": counts} if guards else {}
+        return full | ({"recognition": self.watch.report()} if self.watch else {})
 
     def _request_permissions(self) -> None:
         if self.spec.core is not None:
@@ -147,11 +150,6 @@ class Session:
             self._permissions += [*permissions.request_realtime(priority), permissions.request_one_blas_thread()]
         for line in permissions.permission_lines(self._permissions):
             print(line, file=sys.stderr)
-
-    def _kept_apart(self) -> dict[str, Any]:
-        guards = {robot.prefix: robot.guard for robot in self.robots if robot.guard is not None}
-        counts = {prefix + pair: count for prefix, guard in guards.items() for pair, count in guard.kept_apart.items()}
-        return {"kept_apart": counts} if guards else {}
 
     def _stops(self) -> list[Callable[[StopRequest], None]]:
         """What passes on the presses of each source of the emergency stop; with a rig its guard counts them."""

@@ -29,7 +29,7 @@ SizeOption = Annotated[
 FpsOption = Annotated[float | None, of_film(metavar="FPS", help="Frames per second of the film; default: 30, gif 20.")]
 CameraOption = Annotated[Literal["follow", "front", "side", "three"], of_film(help="Camera; three: all side by side.")]
 SolverOption = Annotated[
-    Literal["angles", "ik"] | None, _of_simulation(help="How motions are carried onto the robot; default: by its file.")
+    Literal["angles", "ik"] | None, _of_simulation(help="How to carry motions onto the robot; without it, by its file.")
 ]
 JobsOption = Annotated[
     str, Option(metavar="N|dask://HOST:PORT", help="Parallel processes, -1 for one per core; or a Dask scheduler.")

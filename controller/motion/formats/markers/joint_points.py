@@ -95,7 +95,13 @@ def jointed_body(joints: dict[str, Array], markers: Markers, name: str) -> Clip:
     whole = all(joint in ends for joint in ARMS)
     if whole:
         ends.setdefault("neck", 0.5 * (ends["lsho"] + ends["rsho"]))
-        _assume_ends(ends)
+        upright = normalise(ends["neck"] - ends["root"])
+        width = np.sqrt(np.square(ends["lsho"] - ends["rsho"]).sum(-1, keepdims=True))
+        ends.setdefault("head", ends["neck"] + HEAD * width * upright)
+        ahead = normalise(np.cross(ends["lhip"] - ends["rhip"], upright))
+        for side in "lr":
+            shank = np.sqrt(np.square(ends[side + "ank"] - ends[side + "kne"]).sum(-1, keepdims=True))
+            ends.setdefault(side + "foo", ends[side + "ank"] + FOOT * shank * ahead)
     if "neck" not in ends:  # the parent of head and arms
         ends = {joint: track for joint, track in ends.items() if joint != "head" and joint not in ARMS}
     for side in "lr":
@@ -126,13 +132,3 @@ def jointed_body(joints: dict[str, Array], markers: Markers, name: str) -> Clip:
         ahead = normalise(np.cross(left, ends["pelvis"] - ends["root"]))
         rotation[:, 0] = best_fit(np.stack([ahead, left, np.cross(ahead, left)], axis=-1))
     return Clip(name, skeleton, markers.rate, ends["root"], continuous(rotation), markers.source)
-
-
-def _assume_ends(ends: dict[str, Array]) -> None:
-    upright = normalise(ends["neck"] - ends["root"])
-    width = np.sqrt(np.square(ends["lsho"] - ends["rsho"]).sum(-1, keepdims=True))
-    ends.setdefault("head", ends["neck"] + HEAD * width * upright)
-    ahead = normalise(np.cross(ends["lhip"] - ends["rhip"], upright))
-    for side in "lr":
-        shank = np.sqrt(np.square(ends[side + "ank"] - ends[side + "kne"]).sum(-1, keepdims=True))
-        ends.setdefault(side + "foo", ends[side + "ank"] + FOOT * shank * ahead)

@@ -127,7 +127,7 @@ def test_the_door_stops_the_rig_without_its_deck():
 
 
 def test_a_wired_stop_that_cannot_be_opened_says_so():
-    with served(CONFIG) as (_, port), guarded(port) as rig, pytest.raises(RigError, match="nothing: the stop cannot"):
+    with served(CONFIG) as (_, port), guarded(port) as rig, pytest.raises(RigError, match="nothing: cannot be read"):
         rig.watch_stops(49002, "/dev/nothing")
 
 
