@@ -83,7 +83,7 @@ def learn(options: LearnOptions, reading: Reading, as_json: JsonOption = False) 
     With --physical the joint angles of --robot are learned, as its simulation does each motion on its own feet, from
     files in a folder NAME beside the library; motions in which it falls are left out. It takes about 7 to 13 s of
     processor time a second (G1). That robot and rigs with its joints play them in place. Played with --root free they
-    are open loop, and the robot falls as with any motion: give --balance.
+    are open loop, and the robot falls as with any motion: give --balance or --walk.
 
     Clips of `motiondeck rig teach` and keyframes (.toml) become loops or one-shots as they were taught or written;
     NAME.clip, NAME.2.clip ... are takes of one motion and are averaged. The part of a loop that returns best to its
