@@ -114,7 +114,7 @@ def test_angles_in_radians_are_doubted(tmp_path):
     numbers = np.array([row.split() for row in ROWS.splitlines()], dtype=float)
     numbers[:, 3:] = np.radians(numbers[:, 3:])
     rows = "".join(" ".join(map(str, row)) + "\n" for row in numbers)
-    assert any("may be radians" in line for line in doubts(read_clip(write(tmp_path, HEAD + TIME + rows))))
+    assert any("are the angles radians" in line for line in doubts(read_clip(write(tmp_path, HEAD + TIME + rows))))
 
 
 @pytest.mark.parametrize("unit", [0.001, 0.01, 1.0])
