@@ -10,13 +10,13 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 from safetensors import SafetensorError, safe_open
-from safetensors.numpy import save
 
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.files import shortened, what_it_is, write_file
 from motiondeck_base.words import printable
 
 LARGEST_BYTES = 2**30
+_CODES = {"b1": "BOOL"} | {f"{kind}{size}": f"{kind.upper()}{8 * size}" for kind in "iuf" for size in (1, 2, 4, 8)}
 
 
 @dataclass(frozen=True)
@@ -32,8 +32,14 @@ class Kind:
 
 def write_arrays(path: Path, kind: Kind, header: msgspec.Struct, arrays: dict[str, NDArray[Any]]) -> None:
     """Writes a temporary file and renames it, so that it is whole or not there; FileFormatError if it cannot be."""
-    metadata = {kind.key: msgspec.json.encode(header).decode()}
-    write_file(path, save({name: np.ascontiguousarray(a) for name, a in arrays.items()}, metadata=metadata))
+    entries: dict[str, Any] = {"__metadata__": {kind.key: msgspec.json.encode(header).decode()}}
+    rows, at = sorted(arrays.items(), key=lambda row: (-row[1].itemsize, row[0])), 0
+    for name, array in rows:
+        ends = [at, at := at + array.nbytes]
+        entries[name] = {"dtype": _CODES[array.dtype.str[1:]], "shape": array.shape, "data_offsets": ends}
+    head = msgspec.json.encode(entries)
+    head += b" " * (-len(head) % 8)
+    write_file(path, len(head).to_bytes(8, "little"), head, *(np.ascontiguousarray(array).data for _, array in rows))
 
 
 def read_arrays(path: Path, kind: Kind) -> tuple[object, StoredArrays]:

@@ -1,10 +1,13 @@
 """Arrays by name in a temporary file that has no name, so that memory holds those in use only."""
 
+import mmap
 import os
 from collections.abc import Iterator, MutableMapping
 from contextlib import suppress
 from ctypes import CDLL
 from tempfile import TemporaryFile
+from typing import Any
+from weakref import WeakSet
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +21,26 @@ def return_freed_arrays() -> None:
         set_option = CDLL(None).mallopt
         set_option(-3, 4 << 20)  # M_MMAP_THRESHOLD, bytes; else it grows with what was freed
         set_option(-1, 16 << 20)  # M_TRIM_THRESHOLD
+
+
+_MAPPED = WeakSet[mmap.mmap]()
+
+
+def on_disk(array: NDArray[Any]) -> NDArray[Any]:
+    """A copy of an array in a temporary file without a name; memory holds what was used of it since `release`."""
+    with TemporaryFile() as file:
+        file.write(np.ascontiguousarray(array).data)
+        file.flush()
+        _MAPPED.add(mapped := mmap.mmap(file.fileno(), 0))
+    return np.frombuffer(mapped, array.dtype).reshape(array.shape)
+
+
+def release() -> None:
+    """Returns memory of freed arrays, and of those by `on_disk`, to the system, where it can."""
+    for mapped in _MAPPED:
+        mapped.madvise(mmap.MADV_DONTNEED)
+    with suppress(AttributeError, OSError):
+        CDLL(None).malloc_trim(0)
 
 
 class ArraysOnDisk(MutableMapping[str, Array]):

@@ -5,7 +5,7 @@ import hashlib
 import math
 import os
 import secrets
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -126,10 +126,16 @@ def read_bytes(path: str | Path, largest: int = LARGEST, *, archive: bool = Fals
     return content
 
 
-def read_lines(path: str | Path, largest: int = LARGEST) -> list[str]:
-    """The lines of a text file with any line ends, without them; see `read_text`."""
+def read_lines(path: str | Path, largest: int = LARGEST) -> Iterator[str]:
+    """The lines of a text file with any line ends, without them, one after the other; see `read_text`."""
     # Not str.splitlines: it would also split at bytes that are letters or dots in other alphabets.
-    return read_text(path, largest).split("\n")
+    content = read_bytes(path, largest)
+    if b"\0" in content or b"\r" in content or not (content.isascii() and Path(path).is_file()):
+        yield from _text_of(path, content).split("\n")
+        return
+    del content  # as large as the file
+    with Path(path).open(encoding="ascii") as file:
+        yield from (line.removesuffix("\n") for line in file)
 
 
 def read_text(path: str | Path, largest: int = LARGEST) -> str:
@@ -139,7 +145,11 @@ def read_text(path: str | Path, largest: int = LARGEST) -> str:
     a byte. What editors write before the text to name its alphabet is left out. FileFormatError as of `read_bytes`, or
     if the file is not text.
     """
-    content = read_bytes(path, largest).removeprefix(codecs.BOM_UTF8)
+    return _text_of(path, read_bytes(path, largest))
+
+
+def _text_of(path: str | Path, content: bytes) -> str:
+    content = content.removeprefix(codecs.BOM_UTF8)
     wide = content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
     try:
         text = content.decode("utf-16" if wide else "utf-8", errors="replace" if wide else "strict")
@@ -150,7 +160,7 @@ def read_text(path: str | Path, largest: int = LARGEST) -> str:
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
-def write_file(path: Path, content: bytes, mode: int = 0o666) -> None:
+def write_file(path: Path, *parts: bytes | memoryview, mode: int = 0o666) -> None:
     """Writes a file under a temporary name and renames it, so that it is whole or not there.
 
     What is no file, such as /dev/stdout or a pipe, is written to as it is, and stays what it is. FileFormatError if it
@@ -158,9 +168,9 @@ def write_file(path: Path, content: bytes, mode: int = 0o666) -> None:
     """
     try:
         if path.exists() and not path.is_file():
-            path.write_bytes(content)
+            path.write_bytes(b"".join(parts))
         else:
-            _replace(path.resolve(), content, mode)  # a link stays one
+            _replace(path.resolve(), parts, mode)  # a link stays one
     except OSError as error:
         raise FileFormatError.unwritable(path, error) from None
 
@@ -177,12 +187,12 @@ def keep(path: Path, content: bytes) -> None:
         write_file(path, content)
 
 
-def _replace(path: Path, content: bytes, mode: int) -> None:
+def _replace(path: Path, parts: Iterable[bytes | memoryview], mode: int) -> None:
     temporary = path.with_name(f".{path.name}.{secrets.token_hex(4)}")
     try:
         # By default opened with 0o666, so that the user's umask decides who may read the file.
         with os.fdopen(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, mode), "wb") as file:
-            file.write(content)
+            file.writelines(parts)
             file.flush()
             os.fsync(file.fileno())  # or a power failure after the rename could leave an empty file
         temporary.replace(path)

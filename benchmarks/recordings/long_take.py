@@ -38,6 +38,11 @@ RATE, EVERY, JOIN = 60.0, 2, 60
 SIZES = {"Anna": 1.0, "Ben": 0.9}
 JOINTS = {"kne": "Knee", "ank": "Ankle", "foo": "BigToe", "sho": "Shoulder", "elb": "Elbow", "wri": "Wrist"}
 LABELS = {side + end: side.upper() + name for side in "lr" for end, name in JOINTS.items()}
+# Of a child process `getrusage` has the largest memory of its parent too, if that was larger.
+COMMAND = """import atexit, pathlib, sys
+from motiondeck.command import main
+atexit.register(lambda: print(pathlib.Path("/proc/self/status").read_text(), file=sys.stderr))
+main()"""
 LABELS |= {"lhip": "LHip", "rhip": "RHip", "neck": "Neck", "head": "Head"}
 
 
@@ -126,12 +131,13 @@ def learned(path: Path) -> dict[str, Any]:
     """What `motiondeck learn` prints of a file, with its time, s, its largest memory, MB, and its recipe's borders."""
     out = path.with_suffix(".safetensors")
     begin, before = time.monotonic(), resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime
-    words = [sys.executable, "-m", "motiondeck", "learn", str(path), "--out", str(out), "--force", "--json"]
+    words = [sys.executable, "-c", COMMAND, "learn", str(path), "--out", str(out), "--force", "--json"]
     done = subprocess.run(words, capture_output=True, text=True, env=os.environ | {"OPENBLAS_NUM_THREADS": "1"})
     if done.returncode:
         raise MotiondeckError(done.stderr.strip() or "learn failed")
     took, used = time.monotonic() - begin, resource.getrusage(resource.RUSAGE_CHILDREN)
-    figures = {"took_s": took, "processor_s": used.ru_utime - before, "memory_mb": used.ru_maxrss / 1000.0}
+    largest = float(done.stderr.rpartition("VmHWM:")[2].split()[0])  # KiB
+    figures = {"took_s": took, "processor_s": used.ru_utime - before, "memory_mb": largest * 1.024e-3}
     return json.loads(done.stdout) | figures | {"file_mb": path.stat().st_size / 1e6}
 
 

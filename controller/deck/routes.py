@@ -21,6 +21,7 @@ import numpy as np
 from controller.deck.joins.deck_motions import Motion, read_motions
 from controller.library.motion_library import MotionLibrary, once_a_library
 from controller.motion.rotations import Array
+from motiondeck_base.arrays_on_disk import release
 
 LEAP_M = 0.2  # a leap that is worth one more motion on the way, m
 
@@ -35,7 +36,10 @@ class Routes:
     @classmethod
     def between(cls, motions: Mapping[str, Motion]) -> Routes:
         """The routes between motions."""
-        leaps = {name: {other: leap(a, b) for other, b in motions.items()} for name, a in motions.items()}
+        leaps: dict[str, dict[str, float]] = {}
+        for name, leaving in motions.items():
+            leaps[name] = {other: leap(leaving, entering) for other, entering in motions.items()}
+            release()
         return cls(leaps, frozenset(name for name, motion in motions.items() if not motion.loop))
 
     @staticmethod

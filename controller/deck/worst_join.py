@@ -21,6 +21,7 @@ from controller.deck.routes import Routes
 from controller.deck.switch import CommandedSwitch
 from controller.library.motion_library import MotionInfo, MotionLibrary
 from controller.motion.rotations import Array
+from motiondeck_base.arrays_on_disk import on_disk, release
 
 PHASES = 24  # at how many places a loop is left
 PLAYED = 12  # how many of the joins that look hardest are played
@@ -67,6 +68,8 @@ def hardest_joins(library: MotionLibrary, count: int, phases: int = PHASES) -> l
     found: list[tuple[float, tuple[str, str, float]]] = []
     exits = {name: _exits(motion, phases) for name, motion in motions.items()}
     for leaving, entering in product(motions.values(), repeat=2):
+        if leaving is entering:
+            release()
         if routes.way(leaving.name, entering.name) or (leaving is entering and leaving.loop):
             continue
         phase, places, velocities = exits[leaving.name]
@@ -133,7 +136,9 @@ def _ends(library: MotionLibrary, info: MotionInfo) -> Motion:
     """A motion without its course, which is many times as large."""
     motion = read_motion(library, info)
     library.network.rest()
-    return replace(motion, course=BodyCourse(motion.course.rows[:1].copy()), postures=motion.postures_ahead(NOW, 1.0))
+    first = {"course": BodyCourse(motion.course.rows[:1].copy()), "postures": motion.postures_ahead(NOW, 1.0)}
+    every = {name: on_disk(getattr(motion, name)) for name in ("places", "velocities", "exits")}
+    return replace(motion, **first, **every)
 
 
 def _with_only(library: MotionLibrary, *names: str) -> MotionLibrary:

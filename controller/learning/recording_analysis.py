@@ -25,6 +25,7 @@ from controller.motion.formats.markers.marker_fit import misplaced
 from controller.motion.formats.reading import FittedClip, read_fitted
 from controller.motion.take.segmentation import cuts_of
 from controller.motion.upper_body import RESTS
+from motiondeck_base.arrays_on_disk import release
 from motiondeck_base.errors import FileFormatError
 
 # A motion that is cut out may turn into the next one for so long, s; a loop without that lasts as long as the other, s.
@@ -63,6 +64,7 @@ def analyse_recording(
     if takes:
         recording = replace(recording, clip=read_takes([file, *takes]))
     found = decided(recording, file, within, plays, whole=whole)
+    release()
     motion = MotionRecipe(
         name=name,
         file=str(file.absolute()),

@@ -29,7 +29,7 @@ from controller.motion.formats.reading import read_clip
 from controller.motion.rotations import Array, dot
 from controller.motion.skeleton import Skeleton
 from controller.networks.driving_input import DrivingInput
-from motiondeck_base.arrays_on_disk import ArraysOnDisk
+from motiondeck_base.arrays_on_disk import ArraysOnDisk, release
 from motiondeck_base.errors import FileFormatError
 
 SHORTEST_SECONDS = 0.4  # of a recording: two windows of the self-test
@@ -119,6 +119,7 @@ def prepare(
         try:
             clips[motion.name] = read(motion)
             cut(clips[motion.name], motion)
+            release()
         except FileFormatError as error:
             problems.append(str(error))
     if problems:
@@ -159,6 +160,7 @@ def prepare(
             found.recorded[motion.name] = partial(
                 recorded_part, clip, part.first, part.end, loop=loops[motion.name], body=part.body
             )
+        release()
     return found
 
 

@@ -140,7 +140,7 @@ def unit_of_size(position: Array) -> float:
 def bridged(track: Array) -> Array:
     """A track (T, C), seen at least once, with its gaps interpolated linearly."""
     there = np.flatnonzero(~np.isnan(track[:, 0]))
-    return between_rows(track[there], there, np.arange(len(track)))
+    return track if len(there) == len(track) else between_rows(track[there], there, np.arange(len(track)))
 
 
 def between_rows(rows: Array, known: Array | Indices, at: Array | Indices) -> Array:

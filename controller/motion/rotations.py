@@ -250,11 +250,11 @@ def yaw(angle: Array | float) -> Array:
     return np.stack([np.cos(half), zero, zero, np.sin(half)], axis=-1)
 
 
-def continuous(q: Array) -> Array:
-    """Flips signs along the first axis, time, so that neighbours agree (q and -q are one rotation)."""
-    sign = np.where(dot(q[1:], q[:-1]) < 0.0, -1.0, 1.0)
-    if (sign > 0.0).all():
+def continuous(q: Array, *, own: bool = False) -> Array:
+    """Flips signs along the first axis, time, so that neighbours agree (q and -q are one rotation); `own`, in place."""
+    flips = dot(q[1:], q[:-1]) < 0.0
+    if not flips.any():
         return q
-    out = q.copy()
-    out[1:] *= np.cumprod(sign, axis=0)[..., None]
+    out = q if own else q.copy()
+    np.negative(out[1:], out=out[1:], where=np.logical_xor.accumulate(flips)[..., None])
     return out

@@ -64,13 +64,13 @@ def _make_member(
     )
     own = folder / name
     own.mkdir(mode=0o700, exist_ok=True)
-    write_file(own / AUTHORITY, _pem(authority[0]), OWNERS)
-    write_file(own / CERTIFICATE, _pem(certificate.sign(authority[1], hashes.SHA256())), OWNERS)
-    write_file(own / KEY, _pem(key), OWNERS)
+    write_file(own / AUTHORITY, _pem(authority[0]), mode=OWNERS)
+    write_file(own / CERTIFICATE, _pem(certificate.sign(authority[1], hashes.SHA256())), mode=OWNERS)
+    write_file(own / KEY, _pem(key), mode=OWNERS)
     # Names and addresses hold nothing that TOML would have to escape: `check_name`, `host_and_port`.
     lines = [f'show = "{show}"', f'name = "{name}"', "", "[members]"]
     lines += [f'{other} = "{address}"' for other, address in members.items()]
-    write_file(own / MEMBER_FILE, "\n".join([*lines, ""]).encode(), OWNERS)
+    write_file(own / MEMBER_FILE, "\n".join([*lines, ""]).encode(), mode=OWNERS)
     return own
 
 
@@ -98,8 +98,8 @@ def _authority(folder: Path, show: str) -> tuple[x509.Certificate, ec.EllipticCu
         )
     )
     certificate = builder.sign(key, hashes.SHA256())
-    write_file(key_file, _pem(key), OWNERS)
-    write_file(certificate_file, _pem(certificate), OWNERS)
+    write_file(key_file, _pem(key), mode=OWNERS)
+    write_file(certificate_file, _pem(certificate), mode=OWNERS)
     return certificate, key
 
 

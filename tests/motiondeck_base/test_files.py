@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from motiondeck_base.errors import FileFormatError
-from motiondeck_base.files import write_file
+from motiondeck_base.files import read_lines, read_text, write_file
 
 
 def test_a_pipe_is_written_to_and_stays_a_pipe(tmp_path):
@@ -54,3 +54,12 @@ def test_a_file_is_on_the_disk_before_it_takes_the_place_of_another(tmp_path, mo
     write_file(tmp_path / "walk.bvh", b"walk")
     assert done == ["synced", "renamed"]
     assert [file.name for file in tmp_path.iterdir()] == ["walk.bvh"]
+
+
+@pytest.mark.parametrize("ends", ["\n", "\r\n", "\r"])
+@pytest.mark.parametrize("code", ["ascii", "utf-8", "utf-8-sig", "utf-16", "latin-1"])
+def test_lines_are_those_of_the_text(tmp_path, ends, code):
+    path = tmp_path / "lines.txt"
+    words = ["a b", "", "c\x0bd", "e\x1cf", "" if code == "ascii" else "é", "g"]
+    path.write_bytes(ends.join(words).encode(code))
+    assert [*read_lines(path)] == words == read_text(path).split("\n")

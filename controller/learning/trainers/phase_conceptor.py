@@ -23,6 +23,7 @@ from controller.networks.phase_conceptor.network import PhaseConceptorMotion, Ph
 from controller.networks.reservoirs.phase_reservoir import Float32, PhaseCourse, PhaseReservoir, PhaseScales
 from controller.networks.reservoirs.reservoir import Reservoir, drive
 from controller.networks.ridge import affine_ridge
+from motiondeck_base.arrays_on_disk import on_disk
 
 # Overlap of pieces on either side of a seam, and washout of the reservoir, s.
 OVERLAP_SECONDS = 0.2
@@ -162,7 +163,7 @@ class PhaseConceptorTrainer(PhaseDrivenTrainer[PhaseRecipe]):
         course = course_of(motion, recipe.piece_seconds * rate)
         pieces = [_learn_piece(lesson, recipe, sums) for lesson in piece_lessons(motion, course, reservoir, rate)]
         stored = StoredPieces(
-            *(np.concatenate([getattr(piece, field.name) for piece in pieces]) for field in fields(StoredPieces))
+            *(on_disk(np.concatenate([getattr(one, field.name) for one in pieces])) for field in fields(StoredPieces))
         )
         return PhaseConceptorMotion(stored, course, reservoir, motion.driving)
 

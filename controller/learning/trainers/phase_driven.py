@@ -22,6 +22,7 @@ from controller.networks.reservoirs.phase_driven import PhaseDrivenNetwork, Phas
 from controller.networks.reservoirs.phase_reservoir import ANCHOR_EVERY, Float32, PhaseCourse, PhaseReservoir
 from controller.networks.ridge import learn_readouts
 from controller.networks.storage import PhaseScales
+from motiondeck_base.arrays_on_disk import on_disk, release
 
 FEWEST_PIECE_FRAMES = 8  # a shorter piece does not determine its directions
 Recipe = TypeVar("Recipe", bound="PhaseDrivenRecipe")
@@ -119,7 +120,8 @@ class PhaseDrivenTrainer(Trainer[Recipe]):
     ) -> OneMotion:
         """A motion with the readouts of its settled states."""
         states, frames, piece = settled_lesson(unread, motion)
-        return unread.reading_with(learn_readouts(states, piece, normalisation.invert(frames), recipe.ridge))
+        release()
+        return unread.reading_with(on_disk(learn_readouts(states, piece, normalisation.invert(frames), recipe.ridge)))
 
     def train(self, recipe: Recipe, lessons: Lessons, seed: int) -> PhaseDrivenNetwork[Any]:
         scales = recipe.scales(driven=any(one.driving is not None for one in lessons.motions))

@@ -13,8 +13,9 @@ import numpy as np
 from controller.motion.canonical.canonical_body import CANONICAL_BONES, carried, landmarks_of, leg, to_canonical
 from controller.motion.canonical.clip_edits import thinned
 from controller.motion.clip import Clip
-from controller.motion.rotations import Array, normalise
+from controller.motion.rotations import Array, by_blocks, normalise
 from controller.motion.skeleton import Skeleton
+from motiondeck_base.arrays_on_disk import release
 
 SAME_ACTOR = 0.008  # m: by the lengths of limbs, takes of an actor from markers differ by 3 mm, two actors by 17
 SHARE = 0.95
@@ -75,7 +76,12 @@ def nearest_to_all(actors: list[Actor]) -> Actor:
 def hands_off(clip: Clip, body: Skeleton) -> float:
     """How far wrists are off on another body, mm: 95 % of the frames, seen from the hips, scaled by the leg."""
     own = to_canonical(thinned(clip, RATE))
-    other = carried(own, body)
-    places = [one.joints()[:, _HANDS] - one.joints()[:, _HIPS].mean(axis=1, keepdims=True) for one in (own, other)]
     ratio = leg(own.skeleton) / leg(body)
-    return 1000.0 * float(np.quantile(np.linalg.norm(places[0] - ratio * places[1], axis=-1).max(axis=1), SHARE))
+
+    def off(root: Array, rotation: Array) -> Array:
+        release()
+        part = replace(own, root_position=root, rotation=rotation)
+        apart = part.joints() - ratio * carried(part, body).joints()
+        return np.linalg.norm(apart[:, _HANDS] - apart[:, _HIPS].mean(axis=1, keepdims=True), axis=-1).max(axis=1)
+
+    return 1000.0 * float(np.quantile(by_blocks(off, own.root_position, own.rotation), SHARE))

@@ -6,7 +6,7 @@ from controller.motion.anatomy import SIDES, named_anatomy
 from controller.motion.bone_names import THESIS_LIMBS, named_parts
 from controller.motion.canonical.canonical_body import CANONICAL_BONES, NO_LENGTH, Landmarks, landmarks_of, to_canonical
 from controller.motion.clip import Clip
-from controller.motion.rotations import Array, dot, normalise, rotate
+from controller.motion.rotations import Array, by_blocks, dot, normalise, rotate
 from controller.motion.skeleton import Skeleton
 from motiondeck_base.errors import FileFormatError
 
@@ -73,8 +73,8 @@ def other_doubts(clip: Clip) -> list[str]:
             "ground is elsewhere (--ground)."
         )
     # The angle of each bone from its rest pose relative to its parent, shape (T, B), degrees.
-    bones, above = clip.rotation[:, 1:], clip.rotation[:, 1 + skeleton.parent]
-    turns = np.degrees(2.0 * np.arccos(np.clip(np.abs(dot(bones, above)), 0.0, 1.0)))
+    turns = by_blocks(lambda turned: dot(turned[:, 1:], turned[:, 1 + skeleton.parent]), clip.rotation)
+    turns = by_blocks(lambda cosine: np.degrees(2.0 * np.arccos(np.clip(np.abs(cosine), 0.0, 1.0))), turns)
     if np.ptp(turns, axis=0).max(initial=0.0) > MOVES and turns.max() < WITHIN_A_TURN:
         found.append(f"no joint turns by more than {turns.max():.1f} degrees: are the angles radians? Write degrees.")
     if np.median(head - toes) < -UPSIDE_DOWN * own.skeleton.leg_length:

@@ -39,7 +39,7 @@ _HANGS_ON = {
 
 def read_motive(path: str | Path, options: ReadingOptions = AS_FOUND) -> Clip | Markers:
     """The skeleton, or the markers, of an exported take."""
-    texts = read_lines(path)
+    texts = [*read_lines(path)]
     about, kinds, names, measures, axes, first = _head(path, texts)
     unit = options.unit or _UNITS.get(about.get("Length Units", "").lower())
     if unit is None:

@@ -14,6 +14,7 @@ from controller.motion.formats.markers.marker_fit import Fit, fit_markers, wears
 from controller.motion.formats.markers.skin_markers import joints_under_skin
 from controller.motion.joint_tree import chosen_person
 from controller.motion.take.steps import taken
+from motiondeck_base.arrays_on_disk import on_disk, release
 from motiondeck_base.errors import FileFormatError, MotiondeckError
 
 _MODULES = [one.name for one in pkgutil.walk_packages([str(Path(__file__).parent)], "controller.motion.formats.")]
@@ -23,6 +24,7 @@ FORMATS: dict[str, list[Format]] = {}
 for _row in sorted((row for row in _FOUND if isinstance(row, Format)), key=lambda row: (row.general, row.suffixes)):
     for _suffix in _row.suffixes:
         FORMATS.setdefault(_suffix, []).append(_row)
+LARGE = 4_000_000  # bytes of rotations; larger ones lie in a file, and in memory as far as they are used
 _REMEDIES: dict[str, str] = tomllib.loads(Path(__file__).with_name("unread.toml").read_text(encoding="utf-8"))
 _UNREAD = {suffix: remedy for suffixes, remedy in _REMEDIES.items() for suffix in suffixes.split()}
 _SELDOM_MOTION = {".asf", ".dae", ".abc", ".tsv", ".mot", ".sto", ".qtm", ".pt", ".pth", ".pickle", ".joblib"}
@@ -48,12 +50,20 @@ def read_fitted(path: str | Path, options: ReadingOptions = AS_FOUND) -> FittedC
     found, fit = read_as_stored(path, options), None
     if isinstance(found, Markers):
         if len(people := _people_in(found)) > 1:
-            found = people[chosen_person(path, people, options.person)]
-            del people  # the markers of all others
+            name = chosen_person(path, people, options.person)
+            found = _of_person(found, name, people[name])
         found, fit = _body_of_markers(found, Path(path).stem)
     if options.person is not None:
         found = replace(found, skeleton=replace(found.skeleton, name=f"{found.skeleton.name}-{options.person}"))
-    return FittedClip(taken(found, options), fit)
+    found = _on_disk(found)
+    return FittedClip(_on_disk(taken(found, options)), fit)
+
+
+def _on_disk(clip: Clip) -> Clip:
+    if clip.rotation.nbytes > LARGE:
+        clip = replace(clip, root_position=on_disk(clip.root_position), rotation=on_disk(clip.rotation))
+        release()
+    return clip
 
 
 def read_as_stored(path: str | Path, options: ReadingOptions = AS_FOUND) -> Clip | Markers:
@@ -113,20 +123,24 @@ def _format_by_content(path: Path) -> Format | None:
     return next((row for row in rows if row.magic and beginning.startswith(row.magic)), None)
 
 
-def _people_in(markers: Markers) -> dict[str, Markers]:
+def _people_in(markers: Markers) -> dict[str, list[int]]:
     """The markers of each person whose labels begin alike, such as "Anna:LKNE" and "Ben:LKNE"."""
-    found: dict[str, Markers] = {}
+    found: dict[str, list[int]] = {}
     for between in (":", "_", "|", ".", "-", " "):
         begins = [label.partition(between)[0] if between in label else "" for label in markers.labels]
         for name in dict.fromkeys(filter(None, begins)):
             own = [index for index, begin in enumerate(begins) if begin == name]
-            labels = tuple(markers.labels[index].partition(between)[2] for index in own)
-            part = replace(markers, labels=labels, position=markers.position[:, own])
+            part = _of_person(markers, name, own)
             if joint_points(part) or wears_full_set(part) or joints_under_skin(part):
-                found[name] = part
+                found[name] = own
         if found:
             break
     return found
+
+
+def _of_person(markers: Markers, name: str, own: list[int]) -> Markers:
+    labels = tuple(markers.labels[index][len(name) + 1 :] for index in own)
+    return replace(markers, labels=labels, position=markers.position[:, own])
 
 
 def _body_of_markers(markers: Markers, name: str) -> tuple[Clip, Fit | None]:

@@ -33,7 +33,7 @@ def words_of(text: str, separator: str) -> list[str]:
 
 def heading(path: str | Path) -> tuple[Line, list[tuple[int, str]], str, list[str]]:
     """The first line of a table, its numbered rows, separator, and comments before it; FileFormatError without any."""
-    every = read_lines(path)
+    every = [*read_lines(path)]
     texts = [(number, text) for number, text in enumerate(every, 1) if is_row(text)]
     if not texts:
         raise FileFormatError(f"{path}: there is nothing in it. Write it again.")

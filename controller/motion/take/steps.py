@@ -7,6 +7,7 @@ import numpy as np
 from controller.motion.clip import Clip, Decision, ReadingOptions
 from controller.motion.take.ground import grounded
 from controller.motion.take.timing import timed
+from motiondeck_base.arrays_on_disk import release
 
 TIMES = (100.0, 1000.0, 0.01, 0.001, 1.0 / 0.0254, 0.0254)
 # Legs: the lowest joint of a body on a floor at 0 is often this near to it, and mostly no higher, in hops too.
@@ -44,4 +45,5 @@ def taken(clip: Clip, options: ReadingOptions) -> Clip:
         if wanted is not None:
             clip, decision = step(clip, wanted)
             clip = replace(clip, decisions=(*clip.decisions, decision))
+            release()
     return clip

@@ -43,7 +43,9 @@ class Timing:
 
 def timing_of(points: Array, rate: float) -> Timing:
     """The timing of points (T, K, 3), m, in a file of a rate in Hz; NaN where a point was not seen."""
-    step = np.nan_to_num(np.diff(points, axis=0), copy=False)
+    step, count = np.diff(points, axis=0), len(points)
+    del points  # as large as the recording
+    np.nan_to_num(step, copy=False)
     length = by_blocks(lambda way: np.sqrt(np.square(way).sum(-1)).max(axis=1, initial=0.0), step)
     width = max(1, round(MOVES_SECONDS * rate))
     moves = rate * np.convolve(length, np.ones(width) / width, "same")[: len(length)] > MOVES
@@ -53,7 +55,7 @@ def timing_of(points: Array, rate: float) -> Timing:
         found = _without_held(same, moves, rate * length > FASTEST_BODY, rate)
     elif moves.sum() > width:
         found = _with_gaps(step, rate)
-    every = np.arange(len(points))
+    every = np.arange(count)
     return found or Timing(every, every.astype(float), rate)
 
 
@@ -158,7 +160,7 @@ def _spread_out(clip: Clip, at: Array) -> Clip:
     time = [at[np.clip(low + step, 0, len(at) - 1)] for step in (-1, 0, 1, 2)]
     filled = interpolated(clip, low, lambda points: _between(points, time, wanted))
     position[between], rotation[between] = filled.root_position, filled.rotation
-    return replace(clip, root_position=position, rotation=continuous(rotation))
+    return replace(clip, root_position=position, rotation=continuous(rotation, own=True))
 
 
 def _between(points: list[Array], time: list[Array], wanted: Indices) -> Array:

@@ -25,6 +25,7 @@ from controller.networks.driving_input import LEVELS, DrivingInput
 from controller.networks.reservoirs.phase_reservoir import ANCHOR_EVERY, SETTLING_STEPS, PhaseCourse, PhaseReservoir
 from controller.networks.reservoirs.reservoir_network import Float32, ReservoirNetwork
 from controller.networks.storage import MotionHeader, PhaseScales, StoredNetwork, arrays_of
+from motiondeck_base.arrays_on_disk import release
 from motiondeck_base.errors import UnknownNameError
 
 # Steps after the end of a one-shot, of which every HELD_EVERY-th counts for the readout of the pose that it holds.
@@ -195,6 +196,7 @@ class PhaseDrivenNetwork(ReservoirNetwork[Motion]):
     def rest(self) -> None:
         for motion in self._of.values():
             motion.rest()
+        release()
 
     @property
     def inputs(self) -> dict[str, tuple[float, float]]:

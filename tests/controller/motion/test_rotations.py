@@ -113,6 +113,9 @@ def test_continuous_changes_signs_only_and_leaves_no_jump():
     mended = r.continuous(flipped)
     assert np.allclose(np.abs(r.dot(mended, flipped)), 1.0)
     assert np.all(r.dot(mended[1:], mended[:-1]) > 0.99)
+    assert mended is not flipped
+    assert r.continuous(flipped, own=True) is flipped
+    assert np.array_equal(flipped, mended)
 
 
 def test_functions_broadcast_over_leading_axes():

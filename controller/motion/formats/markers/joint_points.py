@@ -16,7 +16,7 @@ from controller.motion.bone_names import THESIS_LIMBS, named_parts
 from controller.motion.clip import Clip, Markers, bridged
 from controller.motion.formats.markers.skin_markers import marks_pelvis
 from controller.motion.orientation import orient
-from controller.motion.rotations import Array, best_fit, continuous, dot, normalise, rotate
+from controller.motion.rotations import Array, best_fit, by_blocks, continuous, dot, normalise, rotate
 from controller.motion.skeleton import JAEGER_TREE, ROOT, Skeleton, thesis_skeleton
 from controller.motion.up_axis import TO_OURS
 
@@ -115,8 +115,10 @@ def jointed_body(joints: dict[str, Array], markers: Markers, name: str) -> Clip:
     if "neck" not in ends and "pelvis" in ends:  # gives the rotation of the root about the line between the hips
         tree["pelvis"] = "root", (0.0, 0.0, 1.0)
     bones = [*tree]
-    lines = np.stack([ends[bone] - ends[of] for bone, (of, _) in tree.items()], axis=1)
-    length = np.median(np.sqrt(np.square(lines).sum(-1)), axis=0)
+    lines = np.empty((len(ends["root"]), len(tree), 3))
+    for line, (bone, (of, _)) in enumerate(tree.items()):
+        lines[:, line] = ends[bone] - ends[of]
+    length = np.median(by_blocks(lambda line: np.sqrt(np.square(line).sum(-1)), lines), axis=0)
     if whole:
         skeleton = thesis_skeleton(length, name)
     else:
@@ -124,11 +126,12 @@ def jointed_body(joints: dict[str, Array], markers: Markers, name: str) -> Clip:
         rest = np.array([rest for _, rest in tree.values()])
         skeleton = Skeleton(name, tuple(_USUAL[bone] for bone in bones), hangs, rest, length)
     # All joints together are as large as the clip.
-    ends, lines = {at: ends[at] for at in ("root", "lhip", "rhip", "pelvis") if at in ends}, normalise(lines)
+    ends = {at: ends[at] for at in ("root", "lhip", "rhip", "pelvis") if at in ends}
+    lines = by_blocks(normalise, lines)
     rotation = orient(skeleton, lines)
     del lines
     if "pelvis" in ends:
         left = normalise(ends["lhip"] - ends["rhip"])
         ahead = normalise(np.cross(left, ends["pelvis"] - ends["root"]))
         rotation[:, 0] = best_fit(np.stack([ahead, left, np.cross(ahead, left)], axis=-1))
-    return Clip(name, skeleton, markers.rate, ends["root"], continuous(rotation), markers.source)
+    return Clip(name, skeleton, markers.rate, ends["root"], continuous(rotation, own=True), markers.source)

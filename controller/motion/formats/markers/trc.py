@@ -11,6 +11,8 @@ Columns are separated by tabs; those of an unseen marker are empty (OpenSim docu
 exporters put spaces into line 1 and several tabs between the values of line 3.
 """
 
+from array import array
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -22,8 +24,9 @@ from motiondeck_base.files import Line, as_float, listed, read_lines, shortened
 
 def read_trc(path: str | Path, options: ReadingOptions = AS_FOUND) -> Markers:
     """The markers in a TRC file."""
-    texts = [(number, text) for number, text in enumerate(read_lines(path), 1) if text.strip()]
-    lines = [Line(path, number, text.rstrip().split("\t")) for number, text in texts[:5]]
+    texts = ((number, text) for number, text in enumerate(read_lines(path), 1) if text.strip())
+    rows = (Line(path, number, text.split("\t")) for number, text in texts)
+    lines = [*islice(rows, 5)]
     if len(lines) < 5 or not lines[0].words[0].strip().lower().startswith("pathfiletype"):
         raise FileFormatError(f"{path}: this is no .trc file, or it is cut short. Is it the right one?")
     heads, values = (" ".join(line.words).split() for line in lines[1:3])
@@ -42,20 +45,20 @@ def read_trc(path: str | Path, options: ReadingOptions = AS_FOUND) -> Markers:
     axes = [word.strip().lower()[:1] for word in lines[4].words if word.strip()]
     if axes[:3] != ["x", "y", "z"]:
         raise lines[4].error("expected X1, Y1, Z1 and so on under the names of the markers.")
-    rows = texts[5:]
-    if len(rows) * len(names) * 3 > MOST_NUMBERS:
-        raise FileFormatError(f"{path}: {len(rows)} frames of {len(names)} markers do not fit into memory. Cut it.")
-    position = np.empty((len(rows), len(names), 3))
-    for seen, (number, text) in zip(position, rows, strict=True):
-        row = _row(Line(path, number, text.rstrip().split("\t")), seen.size)
-        seen[:] = np.reshape(row, seen.shape)
-        seen *= unit
-        seen[~(np.abs(seen).max(axis=-1) < FARTHEST)] = np.nan
+    values, words = array("d"), [0]  # numbers, and how many words the lines of the first and of the last frame have
+    for row in rows:
+        words[len(values) > 0 :] = [len(row.words)]
+        values.extend(_row(row, 3 * len(names)))
+        if len(values) > MOST_NUMBERS:
+            raise FileFormatError(f"{path}: more than {MOST_NUMBERS} numbers do not fit into memory. Cut it.")
+    position = np.frombuffer(values).reshape(-1, len(names), 3)
+    position *= unit
+    position[~(np.maximum(position.max(axis=-1), -position.min(axis=-1)) < FARTHEST)] = np.nan
     announced = as_float(fields.get("numframes", "")) or 0.0
     # A cropped recording keeps the number in line 3; a broken transfer ends within a line.
-    if len(rows) == 0 or (len(rows) < announced and len(rows[-1][1].split("\t")) < len(rows[0][1].split("\t"))):
+    if len(position) == 0 or (len(position) < announced and words[-1] < words[0]):
         raise FileFormatError(
-            f"{path}: {announced:g} frames are announced, but {len(rows)} follow, and the last line is cut short."
+            f"{path}: {announced:g} frames are announced, but {len(position)} follow, and the last line is cut short."
         )
     if np.isnan(position).all():
         raise FileFormatError(f"{path}: no marker was ever seen ({listed(names)}). Give another recording.")
@@ -64,7 +67,7 @@ def read_trc(path: str | Path, options: ReadingOptions = AS_FOUND) -> Markers:
 
 def _row(line: Line, count: int) -> list[float]:
     """The numbers of a frame after its number and time, NaN for empty ones; lines may end before the last gaps."""
-    words = line.words[2:]
+    words = "\t".join(line.words[2:]).rstrip().split("\t")
     if len(words) > count:
         raise line.error(f"{len(words)} numbers, but the markers have {count}.")
     return line.numbers_or_gaps([*words, *[""] * (count - len(words))])
