@@ -26,12 +26,13 @@ from controller.deck.interfaces import JointLimits
 from controller.deck.joins.deck_motions import read_motions
 from controller.deck.routes import Routes
 from controller.learning.trainers.clip import fitted_keys, held_frames
-from controller.library.motion_library import MotionLibrary
+from controller.library.motion_library import MotionInfo, MotionLibrary
 from controller.loop.safety.braking import longest_run
 from controller.loop.safety.safety_envelope import check_limits
 from controller.motion.encodings.joint_angles import JointAngles, JointBody
 from controller.motion.encodings.robot_joints import ROOT, RobotBody
 from controller.motion.rotations import Array
+from controller.networks.base import AnyNetwork, Channels
 from controller.networks.clip.network import ClipPlayer
 from controller.networks.keys import FEWEST_KEYS, MOST_BITS, STEPS_PER_BIT, Keys
 from motiondeck_base.errors import MotiondeckError
@@ -77,8 +78,10 @@ def figure_of(
     chosen = sorted((one for one in library.info.motions if one.name in names), key=lambda one: names.index(one.name))
     if not library.skeleton.is_rig:
         raise MotiondeckError("its motions are those of a human; bake it for a robot: motiondeck library bake")
-    if library.network.as_phase_network is None:
-        raise MotiondeckError(f"a {library.info.network} network runs by itself; one with a phase is needed")
+    if library.network.as_phase_network is None and library.network.as_crossing is None:
+        raise MotiondeckError(
+            f"a {library.info.network} network may lose its place; only those that keep it are exported"
+        )
     if driven := [one.name for one in chosen if one.input is not None]:
         raise MotiondeckError(f"{driven[0]} has an input besides its phase; leave it out with --motions")
     if not 1.0 <= rate <= MOST_RATE or len(joints) > MOST_JOINTS:
@@ -97,10 +100,8 @@ def figure_of(
     most = MOST_BYTES // (2 * _even(len(joints) - rooted * len(ROOT)))  # keys of a motion
     keys, error = dict[str, Keys](), dict[str, tuple[float, float]]()
     for one in chosen:
-        settled = library.network.settled(one.name)
         frames = np.tile(rest, (one.frames, 1))
-        played = stored.scale * (library.network.anchors(one.name) if settled is None else settled)
-        frames[:, order] = played[:, : len(order)]
+        frames[:, order] = (stored.scale * _played(library.network.twin(), one))[:, : len(order)]
         keys[one.name], off = _keys(one.name, frames, most, loop=one.plays == "loop")
         error[one.name] = float(np.sqrt(np.square(off).mean())), float(np.abs(off).max())
     loops = {one.name: one.plays == "loop" for one in chosen}
@@ -113,6 +114,17 @@ def figure_of(
     carried = MotionLibrary(info, network, encoding)
     sizes = {name: 2 * one.counted.shape[0] * _even(len(joints)) for name, one in keys.items()}
     return Figure(carried, words_of(carried, limits, rate), limits, rest, rate, sizes, error)
+
+
+def _played(network: AnyNetwork, motion: MotionInfo) -> Channels:
+    """The frames of a motion as its network plays them once."""
+    if (settled := network.settled(motion.name)) is not None:
+        return settled
+    frames = np.tile(network.anchors(motion.name)[0], (motion.frames, 1))
+    network.cue(motion.name, 0)
+    for frame in frames[1:]:
+        network.advance(frame)
+    return frames
 
 
 def _keys(name: str, frames: Array, most: int, *, loop: bool) -> tuple[Keys, Array]:

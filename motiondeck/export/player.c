@@ -151,8 +151,6 @@ static void enter_anchor(const md_player *p, md_track *t, const md_motion *m, in
 }
 
 static void turn_round(const md_player *p, md_track *t) {
-  int held = !t->motion->loop && t->index[0] >= (int)t->motion->steps && t->forwards;
-  int lead = t->index[3];
   t->forwards = !t->forwards;
   t->fraction = 1.0f - t->fraction;
   for (int i = 0; i < 2; i++) {
@@ -163,12 +161,8 @@ static void turn_round(const md_player *p, md_track *t) {
     memcpy(t->frame[3 - i], row, sizeof row);
     t->index[i] = t->index[3 - i], t->index[3 - i] = index;
   }
-  if (held) {
-    take(p, t, 3, preceding(t->motion, (int)t->motion->steps));
-    return;
-  }
-  t->index[0] = lead;
-  take_from(p, t, 1);
+  int towards = t->index[2], end = t->motion->loop ? towards : (int)t->motion->steps;
+  take(p, t, 3, onward(t, towards < end ? towards : end));
 }
 
 static float phase_of(const md_track *t, int place) {

@@ -120,13 +120,10 @@ class FramePlayer:
         self._fraction = 1.0 - self._fraction
         self._frames[:] = self._frames[::-1].copy()
         self._phases.reverse()
-        if self._center is not None and self._phases[3] == 1.0:
-            # A one-shot that holds its end: however long it did, it leaves at once.
-            self._center.seek(self.motion, 1.0)
-            self._take(3)
-            return
-        for place in range(1, 4):
-            self._take(place)
+        if self._center is not None:
+            # From the frame that is played towards: at an end of a one-shot the network waits, however long it is held.
+            self._center.seek(self.motion, self._phases[2])
+        self._take(3)
 
     @property
     def inputs(self) -> dict[str, tuple[float, float]]:

@@ -10,12 +10,17 @@ from tempfile import mkdtemp
 
 import numpy as np
 import pytest
+from msgspec.structs import replace as replace_fields
 
 from benchmarks.export._c_player import SANITIZED, CPlayer, beyond_limits, groups_of, random_script, wide
 from command_line import motiondeck
 from controller.deck.interfaces import JointLimits
+from controller.deck.motion_generator import MotionGenerator
+from controller.learning.trainers.centralized import TRAINER, CentralizedRecipe
+from controller.learning.training_set import TrainingSet
+from controller.library.motion_library import MotionLibrary
 from controller.wire.messages import commands
-from joint_libraries import joint_library
+from joint_libraries import RATE, joint_library
 from motiondeck.export.c_folder import write_c
 from motiondeck.export.figure import figure_of
 from motiondeck.export.golden import deck_trace
@@ -88,6 +93,18 @@ def test_the_folder_builds_without_a_warning_and_its_golden_trace_passes(tmp_pat
     for compiler in ("c++ -std=c++17 -x c++", "clang -std=c99", "clang++ -std=c++17 -x c++"):
         if shutil.which(compiler.split()[0]):
             subprocess.run([*compiler.split(), *strict.split(), "-fsyntax-only", tmp_path / "player.c"], check=True)
+
+
+def test_a_centralized_library_is_exported_as_its_network_plays_it():
+    made, names = joint_library(JOINTS, loops=1, shots=1), [f"joint{k}" for k in range(JOINTS)]
+    frames = {name: made.network.anchors(name) for name in made.network.motions}
+    lessons = TrainingSet(made.encoding, RATE, frames, {name: name == "loop0" for name in frames}).lessons()
+    network = TRAINER.train(CentralizedRecipe(iterations=5), lessons, 0)
+    library = MotionLibrary(replace_fields(made.info, network="centralized"), network, made.encoding)
+    one = figure_of(library, names, LIMITS, 0.0 * ONES, 100.0)
+    for name in frames:
+        played = MotionGenerator(library, name).frames(0.9, RATE)  # one without a phase begins a frame later
+        assert np.abs(MotionGenerator(one.library, name).frames(0.9, RATE)[1:] - played[:-1]).max() < 1e-3
 
 
 def test_what_does_not_fit_is_refused_with_the_remedy(tmp_path):

@@ -3,6 +3,7 @@ import pytest
 
 import synthetic
 from controller.deck.tracks.frame_player import FramePlayer
+from controller.networks.clip.network import ClipPlayer
 
 
 @pytest.fixture(scope="module")
@@ -120,3 +121,13 @@ def test_a_one_shot_is_turned_round_at_its_start():
     back = play(player, -1 / 120, 8)
     np.testing.assert_allclose(back[-1], first, atol=1e-3)
     assert player.phase == 0.0
+
+
+@pytest.mark.parametrize("begin", [0, 1, 2, 18, 19, 20])
+@pytest.mark.parametrize("backs", [(-1,) * 30 + (1,) * 30, (1,) * 30 + (-1,) * 30, (-1, 1, 1, -1, -1, -1, 1, 1) * 3])
+def test_a_one_shot_that_turns_round_at_an_end_never_jumps(begin, backs):
+    player = FramePlayer(ClipPlayer({"line": np.arange(21.0)[:, None]}, {"line": False}), 100.0)
+    player.cue("line", begin / 20)
+    played = np.array([player.step(back * 0.004)[0] for back in backs])
+    assert np.abs(np.diff(played)).max() < 0.5  # 0.4 frames a step
+    assert np.ptp(played) > 0.3
