@@ -60,6 +60,12 @@ def in_letters(command: DeckCommand, figure: Figure) -> str:
             return f"l {-1 if 'off' in (group, to) else names.index(to)} {weight} {tempo} {mask}"
         case commands.SetInput(name=name, value=value, seconds=seconds):
             return f"v {joints.index(name)} {value} {seconds} 0"
+        case commands.GiveBeat(ago=ago):
+            return f"b 0 {ago} 0 0"
+        case commands.LockPhase(phase=phase, steps=steps):
+            return f"k {steps} {phase} 0 0"
+        case commands.Unlock():
+            return "u 0 0 0 0"
         case _:
             return f"{' '.join(map(str, spelled(command, names)))} 0"
 
@@ -71,7 +77,7 @@ def random_script(
     made: list[tuple[int, DeckCommand]] = []
     tick, names, joints = rng.randrange(60), figure.library.network.motions, figure.library.skeleton.bones
     while tick < ticks:
-        one = rng.choice("ssssqqtttjjpgggerrr" + "llllvvvv" * layered)
+        one = rng.choice("ssssqqtttjjpgggerrr" + "llllvvvvbbku" * layered)
         command: DeckCommand = {
             "s": lambda: commands.Switch(to=rng.choice(names), direct=rng.random() < 0.3),
             "q": lambda: commands.Queue(to=rng.choice(names)),
@@ -86,14 +92,25 @@ def random_script(
             "v": lambda: commands.SetInput(
                 name=rng.choice(joints), value=round(rng.uniform(-0.9, 0.9), 3), seconds=rng.choice([0.05, 0.5, 1.5])
             ),
+            "b": lambda: commands.GiveBeat(ago=round(rng.uniform(0.0, 0.3), 3)),
+            "k": lambda: commands.LockPhase(
+                source="beat", phase=round(rng.random(), 2), steps=rng.choice([0, 0, 1, 2, 4])
+            ),
+            "u": commands.Unlock,
             "p": commands.Pause,
             "g": commands.Resume,
             "e": commands.EmergencyStop,
             "r": commands.Reset,
         }[one]()
         made.append((tick, command))
+        if one == "b":  # a beat goes on for a while, not quite evenly, and some are lost
+            period, at = rng.uniform(30.0, 90.0), float(tick)
+            made += [
+                (round(at + period * beat), commands.GiveBeat(ago=round(rng.uniform(-0.02, 0.02), 3)))
+                for beat in range(1, 10)
+            ]
         tick += int(rng.expovariate(1.0 / every))
-    return made
+    return sorted(made, key=lambda row: row[0])
 
 
 def with_limits(figure: Figure, **limits: Array) -> Figure:

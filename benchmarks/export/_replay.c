@@ -17,6 +17,9 @@ static int give(md_player *p, char kind, int motion, float value, float other, u
     case 'g': return md_resume(p);
     case 'e': return md_stop(p), 0;
     case 'r': return md_reset(p);
+    case 'b': return md_beat(p, value);
+    case 'k': return md_lock(p, value, motion);
+    case 'u': return md_unlock(p);
     case 'l': return md_layer(p, joints, motion, value, other);
     case 'v': return md_live(p, motion, value, other);
     case 'h': return md_heartbeat(p, value), 0;

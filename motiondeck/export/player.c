@@ -29,6 +29,8 @@ enum { WORDS = 1, CHECKSUM, JOINTS, MOTIONS, TICK_RATE, FRAME_RATE, LIMITS, MOTI
 #define LEVER 4.0f      /* m, of the bone that stands for a joint and turns by 1 / LEVER of its angle (joint_angles.py) */
 #define SOON 1e-5f      /* s; times that differ by less are the same */
 #define NONE (-1)
+#define SHORTEST_BEAT 0.25f /* s (beat_clock.py) */
+#define LONGEST_BEAT 1.5f
 #define FOLLOW 80.0f /* 1/s (live_values.py) */
 
 enum { RUNNING, BRAKING, LATCHED, HELD };           /* phases of the stop (stop_state.py) */
@@ -338,7 +340,11 @@ static void try_fade(md_player *p, md_fade *longest) {
     return;
   }
   p->candidate.duration = duration, p->candidate.slowing = slowed_within[p->slowed] * duration;
-  if (better && p->candidate.duration > longest->duration) *longest = p->candidate;
+  if (!better) return;
+  if (fade.slowing < fade.duration)
+    *longest = fade;
+  else if (p->candidate.duration > longest->duration)
+    *longest = p->candidate;
 }
 
 /* Goes over to another fade; the gap between both runs out in turn (Fading._go_over_to). */
@@ -512,8 +518,97 @@ static void take_next(md_player *p) {
   }
 }
 
+/* ---- a lock to beats (beat_clock.py, references.Beats, phase_lock.py) ---- */
+
+static int captured(float interval) { return interval >= 0.98f * SHORTEST_BEAT && interval <= 1.02f * LONGEST_BEAT; }
+
+static void begin_beats(md_beats *b, float ago) {
+  b->last = ago, b->counted = 1, b->strays = b->was_stray = b->steady = 0;
+}
+
+static void second_beat(md_beats *b, float ago) {
+  float since = b->last - ago;
+  if (captured(since))
+    b->period = bounded(since, SHORTEST_BEAT, LONGEST_BEAT), b->last = ago, b->counted = 2;
+  else if (since > LONGEST_BEAT)
+    begin_beats(b, ago);
+}
+
+/* Whether the latest three intervals are alike and no whole number of periods. */
+static int another_tempo(md_beats *b, float interval) {
+  float whole = most(rintf(interval / b->period), 1.0f);
+  int off = fabsf(interval - whole * b->period) > 0.2f * b->period;
+  int alike = fabsf(interval - b->interval) < 0.1f * interval;
+  b->steady = off && alike ? b->steady + 1 : 0;
+  b->interval = interval;
+  return b->steady > 1 && captured(interval);
+}
+
+static void take_beat(md_beats *b, float ago) {
+  float before = b->before, since = b->last - ago;
+  b->before = ago;
+  if (!b->counted) {
+    begin_beats(b, ago);
+    return;
+  }
+  if (b->counted == 1 || b->period == 0.0f) {
+    second_beat(b, ago);
+    return;
+  }
+  float periods = rintf(since / b->period), error = since - periods * b->period;
+  if (periods > 8.0f) {
+    begin_beats(b, ago);
+  } else if (another_tempo(b, before - ago)) {
+    begin_beats(b, before);
+    second_beat(b, ago);
+  } else if (periods < 1.0f || fabsf(error) > 0.3f * b->period) {
+    b->was_stray = 1;
+    b->strays += captured(before - ago);
+    if (b->strays > 1) {
+      begin_beats(b, before);
+      second_beat(b, ago);
+    }
+  } else {
+    float k = (float)b->counted, both = (k + 1.0f) * (k + 2.0f);
+    float gain = most(0.51f, 2.0f * (2.0f * k + 1.0f) / both), period_gain = most(0.09f, 6.0f / both);
+    b->last = ago + (1.0f - gain) * error;
+    b->period = bounded(b->period + period_gain * error / periods, SHORTEST_BEAT, LONGEST_BEAT);
+    b->counted++;
+    b->strays = b->was_stray ? b->strays : 0, b->was_stray = 0;
+  }
+}
+
+static float in_direction(float tempo, float reference) {
+  return reference >= 0.0f ? bounded(tempo, 0.0f, 3.0f) : bounded(tempo, -3.0f, 0.0f);
+}
+
+/* The tempo that keeps step with the beat; far off, a jump. */
+static float steered_tempo(md_player *p) {
+  md_beats *b = &p->beats;
+  const md_motion *m = p->track.motion;
+  if (b->period == 0.0f || !m->loop) return p->commanded_tempo;
+  float seconds = m->seconds, beats = seconds / b->period, ratio = beats / (float)(b->chosen ? b->chosen : 1);
+  if (!b->chosen || ratio > 1.6817928f || ratio < 0.59460356f)
+    for (b->chosen = 1; b->chosen < 16 && beats > 1.4142135f * (float)b->chosen;) b->chosen *= 2;
+  float steps = (float)(b->steps ? b->steps : b->chosen), tempo = seconds / (steps * b->period);
+  float behind = b->phase + b->last / b->period / steps - md_phase(p);
+  float error = (behind - floorf(behind * steps + 0.5f) / steps) * seconds, size = fabsf(error);
+  if (size > 0.8f && !p->current && !p->fading && !p->paused) {
+    float to = md_phase(p) + error / seconds;
+    p->jump = to - floorf(to);
+    return in_direction(tempo, tempo);
+  }
+  float brake_rate = 0.8f * TEMPO_RATE, linear = brake_rate / 25.0f; /* 5 per s for small errors */
+  float speed = size <= linear ? 5.0f * size : sqrtf(2.0f * brake_rate * (size - 0.5f * linear));
+  return in_direction(tempo + copysignf(least(speed, 1.0f), error), tempo);
+}
+
 static void advance_tempo(md_player *p) {
-  float goal = p->paused ? 0.0f : p->commanded_tempo, most_change = (p->paused ? TEMPO_RATE : p->tempo_rate) * p->dt;
+  float goal = p->commanded_tempo, rate = p->tempo_rate;
+  if (p->beats.locked) goal = steered_tempo(p), rate = TEMPO_RATE;
+  if (p->paused) goal = 0.0f, rate = TEMPO_RATE;
+  float most_change = rate * p->dt;
+  p->beats.last += p->dt, p->beats.before += p->dt;
   p->tempo += bounded(goal - p->tempo, -most_change, most_change);
 }
 
@@ -773,9 +868,30 @@ int md_tempo(md_player *p, float tempo, float over) {
   if (stopped(p)) return MD_E_STOPPED;
   if (!(tempo >= -3.0f && tempo <= 3.0f && over >= 0.0f && over <= 60.0f)) return MD_E_VALUE;
   float change = fabsf(tempo - (p->paused ? 0.0f : p->tempo));
-  p->commanded_tempo = tempo;
+  p->commanded_tempo = tempo, p->beats.locked = 0;
   p->tempo_rate = over > 0.0f ? least(TEMPO_RATE, change / over) : TEMPO_RATE;
   return 0;
+}
+
+int md_lock(md_player *p, float phase, int steps) {
+  if (stopped(p)) return MD_E_STOPPED;
+  if (!(phase >= 0.0f && phase <= 1.0f && steps >= 0 && steps <= 16)) return MD_E_VALUE;
+  memset(&p->beats, 0, sizeof p->beats);
+  p->beats.locked = 1, p->beats.phase = phase, p->beats.steps = steps;
+  return 0;
+}
+
+int md_beat(md_player *p, float ago) {
+  if (stopped(p)) return MD_E_STOPPED;
+  if (!(ago >= -2.0f && ago <= 2.0f)) return MD_E_VALUE;
+  if (!p->beats.locked) md_lock(p, 0.0f, 0);
+  take_beat(&p->beats, ago);
+  return 0;
+}
+
+int md_unlock(md_player *p) {
+  if (stopped(p)) return MD_E_STOPPED;
+  return md_tempo(p, p->commanded_tempo, 0.0f);
 }
 
 int md_jump(md_player *p, float phase) {

@@ -89,6 +89,12 @@ typedef struct {
   float left, value, at, moving, shown, shown_moving;
 } md_live_state;
 
+/* The beat that loops keep step with; times are s ago. */
+typedef struct {
+  int locked, steps, chosen, counted, strays, was_stray, steady;
+  float phase, period, last, before, interval; /* no period is known at 0 */
+} md_beats;
+
 typedef struct {
   const uint32_t *figure;
   int joints;
@@ -117,6 +123,7 @@ typedef struct {
 
   float tempo, commanded_tempo, tempo_rate;
   int paused;
+  md_beats beats;
 
   md_layer_state layer[MD_MOST_LAYERS]; /* the lowest first */
   int layers;
@@ -154,6 +161,11 @@ int md_layer(md_player *p, uint64_t joints, int motion, float weight, float temp
 /* Holds a joint at -1 (its lower limit) over 0 (its zero) to 1 (its upper one) for some seconds, at least 0.05; then it
    falls back to the motion. */
 int md_live(md_player *p, int joint, float value, float seconds);
+/* Locks loops to a beat, of which one falls on a phase in [0, 1] and so many are in a round, up to 16 (0: whichever number
+   is nearest to the motion's own tempo). md_beat is a beat so many s ago, -2 to 2; the first one locks. */
+int md_lock(md_player *p, float phase, int steps);
+int md_beat(md_player *p, float ago);
+int md_unlock(md_player *p);
 int md_pause(md_player *p);
 int md_resume(md_player *p);
 void md_stop(md_player *p); /* emergency stop: brakes, and stays so until reset, and then resume or a switch */
