@@ -27,14 +27,14 @@ CORES = {  # flags of the compiler, and the machine that runs it
 }
 
 
-def measured(figure: Figure, core: str, folder: Path) -> dict[str, int]:
+def measured(figure: Figure, core: str, level: str, folder: Path) -> dict[str, int]:
     """Instructions, stack and sizes in bytes of a figure's player on a core."""
     write_c(figure, folder)
     for name in ("_board.c", "_board.ld"):
         shutil.copy(HERE / name, folder)
     flags, machine = CORES[core]
     joints = f"-DMD_MOST_JOINTS={len(figure.rest)}"
-    common = ["arm-none-eabi-gcc", *flags.split(), "-mthumb", "-std=gnu99", "-O2", "-ffp-contract=off", joints]
+    common = ["arm-none-eabi-gcc", *flags.split(), "-mthumb", "-std=gnu99", f"-O{level}", "-ffp-contract=off", joints]
     common += ["-ffunction-sections", "-fdata-sections"]
     objects = ["player.c", "_board.c", "-T", "_board.ld", "-nostartfiles", "-Wl,--gc-sections", "-lm", "-lc", "-lgcc"]
     subprocess.run([*common, *objects, "-o", "board.elf"], cwd=folder, check=True)
@@ -62,6 +62,7 @@ def main(
     figures: Annotated[list[str] | None, typer.Argument(help="Libraries and robots, as thesis15:servo20.")] = None,
     motions: Annotated[str, typer.Option(help="Some of their motions, with commas between.")] = "",
     cores: Annotated[str, typer.Option(help="Which cores, with commas between.")] = ",".join(CORES),
+    level: Annotated[str, typer.Option(help="Optimisation of the compiler: 2 for speed, s for size.")] = "2",
 ) -> None:
     """Measures players on emulated cores."""
     for name in figures or ["thesis15:servo20", "cmu86:servo20"]:
@@ -71,7 +72,7 @@ def main(
         print(f"{name}: {len(figure.rest)} joints, {len(figure.words)} bytes, a motion at most {largest}")
         for core in cores.split(","):
             with tempfile.TemporaryDirectory() as folder:
-                found = measured(figure, core, Path(folder))
+                found = measured(figure, core, level, Path(folder))
             print(f"  {core}: " + ", ".join(f"{key} {value}" for key, value in found.items()))
 
 
