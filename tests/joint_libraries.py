@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from controller.library.motion_library import VERSION, LibraryInfo, MotionInfo, MotionLibrary
+from controller.library.motion_library import VERSION, BakedFrom, LibraryInfo, MotionInfo, MotionLibrary
 from controller.motion.encodings.joint_angles import JointAngles, JointBody
 from controller.networks.clip.network import ClipPlayer
 
@@ -10,7 +10,7 @@ RATE = 120.0
 
 
 def joint_library(joints=4, seed=0, loops=3, shots=2, network=ClipPlayer):
-    """A library of a few seconds in all; some loops last a whole number of hundredths of a second, others do not."""
+    """A library of a few seconds; some loops last whole hundredths of a second, the first lies behind a one-shot."""
     rng, frames, kinds = np.random.default_rng(seed), {}, {}
     for number in range(loops + shots):
         loop = number < loops
@@ -35,8 +35,10 @@ def joint_library(joints=4, seed=0, loops=3, shots=2, network=ClipPlayer):
         )
         for name, part in frames.items()
     ]
+    leaps = {one: {other: 2.0 * (other == "loop0" and kinds[one]) for other in frames} for one in frames}
+    baked = BakedFrom(robot="", robot_digest="", library="", library_digest="", leaps=leaps)
     info = LibraryInfo(
         version=VERSION, name="made-up", network="clip", encoding=encoding.name, motions=motions, rate=RATE, seed=0,
-        skeleton=encoding.skeleton_info(), recipe={}, licence="", acknowledgement="",
+        skeleton=encoding.skeleton_info(), recipe={}, licence="", acknowledgement="", baked=baked,
     )  # fmt: skip
     return MotionLibrary(info, network(frames, kinds), encoding)

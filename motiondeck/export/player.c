@@ -214,12 +214,12 @@ static void finish_round(md_track *t) {
 /* 1 - cos x, for |x| < 2 */
 static float versine(float x) {
   float s = x * x;
-  return 0.5f * s * (1.0f - s / 12.0f * (1.0f - s / 30.0f * (1.0f - s / 56.0f * (1.0f - s / 90.0f))));
+  return s * (1.0f / 2.0f - s * (1.0f / 24.0f - s * (1.0f / 720.0f - s * (1.0f / 40320.0f - s * (1.0f / 3628800.0f)))));
 }
 /* The speed at which the end of a joint's bone moves, signed, m/s, as the joint turns by some rad in some s. */
 static float chord_speed(float turn, float seconds) {
   float half = turn / (2.0f * LEVER), s = half * half;
-  return 2.0f * LEVER * half * (1.0f - s / 6.0f * (1.0f - s / 20.0f * (1.0f - s / 42.0f))) / seconds;
+  return 2.0f * LEVER * half * (1.0f - s * (1.0f / 6.0f - s * (1.0f / 120.0f - s * (1.0f / 5040.0f)))) / seconds;
 }
 
 static int best_anchor(const md_player *p, const md_motion *m, const float *before, const float *now) {
@@ -268,7 +268,7 @@ static Shares leaving(md_fade fade, float elapsed) {
 static void sine_cosine(float x, float *sine, float *cosine) { /* for |x| < 2 */
   float s = x * x;
   *cosine = 1.0f - versine(x);
-  *sine = x * (1.0f - s / 6.0f * (1.0f - s / 20.0f * (1.0f - s / 42.0f * (1.0f - s / 72.0f * (1.0f - s / 110.0f)))));
+  *sine = x * (1.0f - s * (1.0f / 6.0f - s * (1.0f / 120.0f - s * (1.0f / 5040.0f - s * (1.0f / 362880.0f - s * (1.0f / 39916800.0f))))));
 }
 
 /* The use of the planned share of the bounds by a fade; 1 is the limit (FadeSearch._beyond, peaks). */

@@ -282,7 +282,15 @@ def test_a_mistake_in_a_process_ends_in_the_same_line():
 def test_help_lists_the_commands_in_panels(monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
     shown = motiondeck("--help").stdout
-    assert re.findall(r"^╭─ (.*?) ─", shown, flags=re.M) == ["Options", "Play", "Learn", "Robot", "Servo rig", "Show"]
+    assert re.findall(r"^╭─ (.*?) ─", shown, flags=re.M) == [
+        "Options",
+        "Play",
+        "Learn",
+        "Robot",
+        "Servo rig",
+        "Export",
+        "Show",
+    ]
     assert re.findall(r"^│ {10,12}\w.*", shown, flags=re.M) == []  # each command has one line
 
 

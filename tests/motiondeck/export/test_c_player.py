@@ -46,7 +46,7 @@ def player(*flags):
 @pytest.mark.parametrize("seed", range(24))
 def test_random_commands_lead_to_the_angles_of_the_deck(seed):
     rng, one = Random(seed), wide(figure(seed % 3))
-    script = random_script(one, TICKS, rng, layered=seed % 2 == 1)
+    script = random_script(one, TICKS, rng, 20.0, layered=seed % 3 > 0)
     measured = np.array([rng.uniform(-0.5, 0.5) for _ in range(JOINTS)], dtype=np.float32).astype(float)
     deck, ours = deck_trace(one, script, TICKS, measured, groups_of(one)), player().trace(one, script, TICKS, measured)
     assert ours.accepted == deck.accepted
