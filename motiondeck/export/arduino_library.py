@@ -20,14 +20,12 @@ def write_arduino(figure: Figure, rig: RigConfig, folder: Path) -> None:
         raise MotiondeckError("the sketch drives Dynamixel servos with a bus watchdog, whose registers are alike")
     defined = {name: register.address for name, register in zip(REGISTERS, registers, strict=True) if register}
     defined |= {"SERVOS": len(servos), "SERVO_BAUD": rig.baud, "SERVO_WATCHDOG": -(-rig.watchdog_ms // 20)}
-    rows = [
-        f"{{{joint}, {second}, {one.id}, {one.mode}, {one.zero}, {one.pulses_per_radian:.5f}f}}, /* {one.name} */"
-        for joint, second, one in servos
-    ]
-    lines = [f"#define {name} {value}" for name, value in defined.items()]
-    table = "\n".join([*lines, "static const md_servo servos[] = {", *rows, "};\n"])
+    lines = [*(f"#define {name} {value}" for name, value in defined.items()), "static const md_servo servos[] = {"]
+    for joint, second, one in servos:
+        scale = f"{one.zero}, {one.pulses_per_radian:.5f}f"
+        lines.append(f"{{{joint}, {second}, {one.id}, {one.mode}, {scale}}}, /* {one.name} */")
     files = {file.relative_to(SKETCHES): file.read_bytes() for file in SKETCHES.rglob("*.*") if file.is_file()}
-    files |= {Path("src/figure.h"): figure_header(figure), Path("src/servos.h"): table.encode()}
+    files |= {Path("src/figure.h"): figure_header(figure), Path("src/servos.h"): "\n".join([*lines, "};\n"]).encode()}
     most = b"#define MD_MOST_JOINTS %d" % len(figure.rest)
     for source in (one for one in SOURCES if one.stem in ("player", "envelope")):
         text = source.read_bytes().replace(b"#define MD_MOST_JOINTS 32", most).replace(b'envelope.c"', b'envelope.inc"')

@@ -33,9 +33,9 @@ def open_figure(
         if rig is not None:
             played, rate = robot_of(find_rig(rig), loaded.skeleton), load_rig(find_rig(rig)).rate_hz
         else:
-            assert robot is not None, "one of both"
-            loaded = _for_robot(loaded, file, find_robot(robot))
-            played = RobotLoader(find_robot(robot))(loaded.skeleton)
+            place = find_robot(str(robot))
+            loaded = loaded if loaded.skeleton.is_rig else _baked(file, place)
+            played = RobotLoader(place)(loaded.skeleton)
         if page is not None:
             return write_page(page, loaded, played, rate, motions)
         return figure_of(loaded, played.joints, played.limits, played.rest, rate, motions)
@@ -43,9 +43,7 @@ def open_figure(
         raise MotiondeckError(f"{file}: {error}") from None
 
 
-def _for_robot(library: MotionLibrary, file: Path, robot: Path) -> MotionLibrary:
-    if library.skeleton.is_rig:
-        return library
+def _baked(file: Path, robot: Path) -> MotionLibrary:
     baked = find_baked(RunSpec(robot=str(robot)), file, robot)
     if baked is None:
         again = f"motiondeck library bake {file.stem} --robot {robot.stem}"

@@ -1,8 +1,8 @@
 // Draws a figure of rigid bodies in WebGL 2: its kinematics, its solids with their shadow, a floor, and a camera.
 // A figure is put together from arrays of a MuJoCo model, as `motiondeck export` writes them:
 //   bodies: [{parent, place: [x, y, z], turn: [w, x, y, z], joints: [joint]}], parents first; -1 is that of the world
-//   joint: {axis, anchor, rest} with `angle`, the number of what is played, or `of` and `curve`, the place of the joint
-//   that leads it and a polynomial, or neither; `slides` if it does
+//   joint: {place, axis, anchor, rest, slides}; rest: positions by place; played: [[place, number of an angle]];
+//   led: [[place, place of the joint that leads it, a polynomial]], in their order
 //   solids: [{shape, body, place, turn, scale, colour: [r, g, b, a]}] of shapes; labels: [{text, body, place}]; height, m
 const motiondeck = {};
 
@@ -28,14 +28,12 @@ const unit = (v) => {
 motiondeck.figureOf = (drawing) => {
   const d = drawing;
   const [SLIDE, HINGE] = [2, 3]; // of mjtJoint
-  const played = new Map(d.hinge_qpos.map((place, k) => [place, { angle: d.hinge[k] }]));
-  const led = new Map(d.led.map(([place, of, curve]) => [place, { of, curve }]));
   const bodies = d.body_parentid.map((parent, body) => {
     const own = d.jnt_bodyid.flatMap((of, joint) => (of === body && [SLIDE, HINGE].includes(d.jnt_type[joint]) ? [joint] : []));
     const joints = own.map((joint) => {
       const place = d.jnt_qposadr[joint];
-      const fixed = { place, axis: d.jnt_axis[joint], anchor: d.jnt_pos[joint], rest: d.qpos0[place] };
-      return { ...fixed, slides: d.jnt_type[joint] === SLIDE, ...(played.get(place) ?? led.get(place)) };
+      const slides = d.jnt_type[joint] === SLIDE;
+      return { place, axis: d.jnt_axis[joint], anchor: d.jnt_pos[joint], rest: d.qpos0[place], slides };
     });
     return { parent: body ? parent : -1, place: d.body_pos[body], turn: d.body_quat[body], joints };
   });
@@ -50,24 +48,23 @@ motiondeck.figureOf = (drawing) => {
   solids.sort((one, other) => other.colour[3] - one.colour[3]); // what is seen through is drawn last
   const labels = d.labels.map((text, site) => ({ text, body: d.site_bodyid[site], place: d.site_pos[site] }));
   const [root, start] = [d.jnt_bodyid[0], [d.qpos0.slice(0, 3), d.qpos0.slice(3, 7)]];
-  return { bodies, solids, labels: labels.filter(({ text }) => text), shapes: d.shapes, root, start, height: d.height };
+  const moved = { rest: d.qpos0, played: d.hinge_qpos.map((place, k) => [place, d.hinge[k]]), led: d.led };
+  return { ...moved, bodies, solids, labels: labels.filter(({ text }) => text), shapes: d.shapes, root, start, height: d.height };
 };
 
 // Where each body is, [place, turn], for the root's place and turn and for angles, rad.
 motiondeck.placed = (figure, [place, turn], angles) => {
   const found = [];
-  const at = {}; // positions of joints, by their places in the model
+  const at = figure.rest.slice(); // positions of joints, by their places in the model
+  for (const [to, number] of figure.played) at[to] = angles[number];
+  for (const [to, of, curve] of figure.led) at[to] = curve.reduceRight((sum, part) => sum * at[of] + part, 0);
   figure.bodies.forEach((body, number) => {
     const [above, way] = body.parent < 0 ? [[0, 0, 0], [1, 0, 0, 0]] : found[body.parent];
     let here = plus(above, turned(way, body.place));
     let facing = times(way, body.turn);
     if (number === figure.root) [here, facing] = [place, turn];
     for (const joint of body.joints) {
-      let value = joint.rest;
-      if (joint.angle !== undefined) value = angles[joint.angle];
-      else if (joint.of !== undefined) value = joint.curve.reduceRight((sum, part) => sum * at[joint.of] + part, 0);
-      at[joint.place] = value;
-      const moved = value - joint.rest;
+      const moved = at[joint.place] - joint.rest;
       if (joint.slides) here = plus(here, turned(facing, joint.axis), moved);
       else {
         const anchor = plus(here, turned(facing, joint.anchor));

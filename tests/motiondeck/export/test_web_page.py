@@ -21,10 +21,12 @@ from controller.motion.encodings.robot_joints import RobotJoints
 from controller.networks.clip.network import ClipPlayer
 from controller.networks.keys import Keys
 from controller.wire.messages.commands import EmergencyStop, Jump, Pause, Queue, Reset, Resume, SetTempo, Switch
+from motiondeck.export.drawn_figure import drawn_figure
 from motiondeck.export.golden import deck_trace
 from motiondeck.export.source import open_figure
 from motiondeck.export.web_page import copy_player, write_page
 from motiondeck_base.shipped import find_library, find_robot
+from sim.models.joint_layout import JointLayout
 from sim.robots.robot import load_robot
 
 DOCS = Path(__file__).parents[3] / "docs"
@@ -207,17 +209,35 @@ def test_the_root_goes_where_the_motion_goes(open_page):
     assert np.hypot(place[0] - x, place[1] - y) < 0.02 * np.hypot(x, y)
 
 
-def test_bodies_are_where_mujoco_has_them(robot, open_page):
-    rng, model = np.random.default_rng(1), robot.drawn
-    data = mujoco.MjData(model)
+GRIPPER = """<mujoco><worldbody><body name="base" pos="0 0 0.3"><freejoint/><geom size="0.05"/>
+  <body name="arm" pos="0.1 0 0.1" quat="0.9 0.1 0.4 0.1"><geom size="0.02 0.1" type="capsule"/>
+    <joint name="shoulder" axis="0 1 0" pos="0.03 0.01 -0.02"/><joint name="roll" axis="1 0 0.2" pos="0 0.02 0.01"/>
+    <body name="left" pos="0 -0.05 0.2"><geom size="0.01"/><joint name="left" type="slide" axis="0 1 0"/></body>
+    <body name="right" pos="0 0.05 0.2"><geom size="0.01"/><joint name="right" axis="0 0 1" pos="0.01 0 0"/></body>
+    <body name="thumb" pos="0.1 0 0.2"><geom size="0.01"/><joint name="thumb" axis="0 0 1" pos="0.01 0 0"/></body>
+  </body></body></worldbody>
+  <equality><joint joint1="left" joint2="right" polycoef="0.01 0.2 0.1 0 0"/>
+    <joint joint1="thumb" polycoef="0.4 0 0 0 0"/></equality>
+  <actuator><position joint="roll"/><position joint="shoulder"/><position joint="right"/></actuator></mujoco>"""
+
+
+@pytest.mark.parametrize("kind", ["servo20", "gripper"])
+def test_bodies_are_where_mujoco_has_them(robot, open_page, kind):
+    rng, model, layout = np.random.default_rng(1), robot.drawn, robot.layout
+    if kind == "gripper":
+        model = mujoco.MjModel.from_xml_string(GRIPPER)
+        layout = JointLayout.of(model)
+        assert layout.led
+    data, drawing = mujoco.MjData(model), drawn_figure(model, layout)
     for _ in range(5):
-        targets = rng.uniform(robot.limits.lower, robot.limits.upper)
-        robot.layout.place(targets, data.qpos)
+        targets = rng.uniform(-1.5, 1.5, len(layout.joints))
+        layout.place(targets, data.qpos)
         data.qpos[:7] = [*rng.normal(size=3), *(turn := rng.normal(size=4)) / np.linalg.norm(turn)]
         mujoco.mj_kinematics(model, data)
         root = [data.qpos[:3].tolist(), data.qpos[3:7].tolist()]
         found = open_page.evaluate(
-            "([root, angles]) => motiondeck.placed(motiondeck.page.figure, root, angles)", [root, targets.tolist()]
+            "([drawing, root, angles]) => motiondeck.placed(motiondeck.figureOf(drawing), root, angles)",
+            [drawing, root, targets.tolist()],
         )
         places, turns = zip(*found, strict=True)
         assert np.allclose(places, data.xpos, atol=1e-5)
