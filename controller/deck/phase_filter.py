@@ -35,7 +35,7 @@ PAST = 4  # steps
 TEMPOS: Array = np.array([-1.0, 0.0, 0.5, 1.0, 1.5, 2.0])
 PLACE, MOVED, UP = 0.1, 0.04, 2.0  # m; how much heights count
 NEW, CHANGE = 0.01, 0.15  # a step
-ABOUT, KEPT_FROM = 8, 0.2  # frames about the likeliest one that belong to it; its share of the likelihood
+ABOUT, KEPT_FROM = 8, 0.02  # frames about the likeliest one that belong to it; its share of the likelihood
 OWN, MOST_OWN = 2.0, 0.15  # s, and m at most
 
 
