@@ -49,10 +49,7 @@ class Servos:
         return self._on_the_bus[0]
 
     def step(self, advance: Callable[[mujoco.MjModel, mujoco.MjData], None]) -> None:
-        """Advances with the torque limits at the present speed, and buffers both limits and torques.
-
-        Backlash is applied to the goals before.
-        """
+        """Advances with backlash in the goals and torque limits at the present speed; buffers limits and torques."""
         line, data = self._rows[self._noted], self._data
         np.multiply(self._velocity, self._slope, out=line)
         np.add(line, self._stall, out=line)

@@ -3,8 +3,8 @@
     meta/info.json                     frames a second, and the names of what is in a column
     data/chunk-000/file-000.parquet    a row a frame, of one or several episodes (version 2: episode_000000.parquet)
 
-Read is `observation.state`, or `action` where that has no names. Where names end in .pos, only those are joints. The
-dataset does not say whether its numbers are degrees, so the options do.
+Read is `observation.state`, or `action` where that has no names; where names end in .pos, only those. The options say
+the unit, which the dataset does not.
 """
 
 from importlib import import_module
@@ -24,7 +24,6 @@ from motiondeck_base.errors import FileFormatError
 from motiondeck_base.files import Line, read_bytes
 
 _COLUMNS = ("observation.state", "action")
-_POSITION = ".pos"
 
 
 def read_episode(path: str | Path, options: ReadingOptions = AS_FOUND) -> Clip:
@@ -43,8 +42,8 @@ def read_episode(path: str | Path, options: ReadingOptions = AS_FOUND) -> Clip:
             raise SeveralPeopleError(path, several, "episodes")
         chosen = episode == float(chosen_person(path, several, options.person))
         name, frame, values = f"{name}-{options.person}", frame[chosen], values[chosen]
-    joints = [place for place, one in enumerate(names) if one.endswith(_POSITION)] or [*range(len(names))]
-    labels = options.renamed(tuple(names[place].removesuffix(_POSITION) for place in joints), path)
+    joints = [place for place, one in enumerate(names) if one.endswith(".pos")] or [*range(len(names))]
+    labels = options.renamed(tuple(names[place].removesuffix(".pos") for place in joints), path)
     lines = [Line(path, row, []) for row in range(1, len(frame) + 1)]
     _, angles = even_times(frame / rate, options.unit * values[:, joints], lines)
     try:
@@ -62,7 +61,6 @@ def _described(path: Path) -> tuple[str, list[str], float]:
         info: Any = msgspec.json.decode(read_bytes(file))
         for column in _COLUMNS:
             names = info["features"].get(column, {}).get("names")
-            # Version 2 may have them under `motors`.
             names = msgspec.convert([*chain(*names.values())] if isinstance(names, dict) else names, list[str] | None)
             if names and 1.0 <= info["fps"] <= 10_000.0:
                 return column, names, float(info["fps"])
