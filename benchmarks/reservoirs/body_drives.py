@@ -18,7 +18,8 @@ that it was at, carried to the recording that a way names by dynamic time warpin
 - *nearest*: the mean of the eight moments whose last 0.4 s is nearest.
 
 With `--points joints` a rig leads the filter: eight of servo20's twenty joints, those of head and arms, are moved by
-hand through what the stranger did, 0.05 rad off and with the same losses; stalls and jumps too, but no pushes.
+hand through what the stranger did, 0.05 rad off and with the same losses; stalls and jumps too, but no pushes. And of
+all recordings of the stranger `clip complete` finds the other twelve joints.
 
 Figures: mm, mean distance of the joints that are not measured, in the world; the share of frames that are named right;
 the share of changes of motion that are named within 0.5 s (for 0.2 s on end); the phase's median error, s; the share of
@@ -42,11 +43,13 @@ from benchmarks import command
 from benchmarks.reservoirs.measured_joints import WALKS
 from controller.deck.person_follower import ARM
 from controller.deck.phase_filter import RATE, PhaseFilter
-from controller.learning.completion import complete_body
+from controller.learning.completion import complete_body, complete_joints
 from controller.motion.canonical.canonical_body import carried, to_canonical
 from controller.motion.canonical.clip_edits import resampled
 from controller.motion.clip import Clip, Markers, between_rows, poses_of
+from controller.motion.encodings.joint_angles import angles_of as joint_angles
 from controller.motion.formats.reading import read_clip
+from controller.motion.formats.taught_clip import taught_clip
 from controller.motion.rotations import Array
 from controller.networks.reservoirs.reservoir import drive, random_reservoir
 from motiondeck_base.shipped import find_robot
@@ -269,13 +272,28 @@ def by_filter(known: Sequence[Recorded], points: Sequence[int], stream: Stream, 
     return {"filter": Told(mean, motion, recording, frame), "clips": Told(single, motion, recording, frame)}
 
 
-def angles_of(recordings: Sequence[Recorded]) -> list[Array]:
-    """Of each recording the heights (T, HAND_LED, 3) that stand for the angles of servo20's head and arms."""
+def angles_of(recordings: Sequence[Recorded]) -> tuple[tuple[str, ...], list[Array]]:
+    """Servo20's joints, and of each recording the heights (T, 20, 3) that stand for their angles."""
     robot, found = load_robot(find_robot("servo20"), recordings[0].clip.skeleton, dt=1.0 / RATE), []
     for one in recordings:
-        angles = np.array([robot.retarget(pose)[:HAND_LED].copy() for pose in poses_of(one.clip)])
+        angles = np.array([robot.retarget(pose).copy() for pose in poses_of(one.clip)])
         found.append(ARM * angles[..., None] * [0.0, 0.0, 1.0])
-    return found
+    return robot.joints, found
+
+
+def completed_joints(joints: Sequence[str], known: Sequence[Array], own: Sequence[Array]) -> tuple[float, float]:
+    """Mean errors of the other joints of a stranger's recordings, degrees: by `clip complete`, and by their mean."""
+    clips, stranger = ([taught_clip("one", joints, RATE, one[..., 2] / ARM) for one in each] for each in (known, own))
+    rest = np.concatenate(known)[:, HAND_LED:, 2].mean(0)
+    whole = np.concatenate(
+        [
+            joint_angles(one.rotation[:, 1:])
+            for one in (complete_joints(clip, joints[:HAND_LED], clips) for clip in stranger)
+        ]
+    )
+    truth = np.concatenate(own)[..., 2]
+    off = np.abs(whole[:, HAND_LED:] - truth[:, HAND_LED:] / ARM), np.abs(rest - truth[:, HAND_LED:]) / ARM
+    return float(np.degrees(off[0].mean())), float(np.degrees(off[1].mean()))
 
 
 def by_angles(known: Sequence[Recorded], courses: Sequence[Array], measured: Array, motions: int) -> dict[str, Told]:
@@ -531,9 +549,18 @@ def main(
             stream = disturbed(recordings, actor, seen, seed)
             known = [one for one in recordings if one.actor != actor]
             if points == "joints":
-                heights = angles_of(recordings)
-                own = [one for one, other in zip(heights, recordings, strict=True) if other.actor != actor]
-                led = by_angles(known, own, led_by_hand(stream, heights, seed), motions)["filter"]
+                joints, whole = angles_of(recordings)
+                others = [one for one, other in zip(whole, recordings, strict=True) if other.actor != actor]
+                own = [one for one, other in zip(whole, recordings, strict=True) if other.actor == actor]
+                print(
+                    "{}: clip complete {:.1f} degrees, the mean {:.1f}".format(
+                        actor, *completed_joints(joints, others, own)
+                    )
+                )
+                heights = [one[:, :HAND_LED] for one in whole]
+                led = by_angles(
+                    known, [one[:, :HAND_LED] for one in others], led_by_hand(stream, heights, seed), motions
+                )["filter"]
                 rows.setdefault("filter", []).append(judged(led, stream, recordings, known, rest))
                 continue
             learned = lessons(known, seen, seed)
