@@ -37,10 +37,11 @@ from benchmarks import command
 from benchmarks.rig._wire_time import rate_limit
 from hardware.bus.port import SerialPort
 from hardware.bus.servo_bus import Bus
-from hardware.bus.sync_write import SyncWrite
 from hardware.emulator.bus import EmulatedBus
 from hardware.families.dynamixel2 import frames as wire
 from hardware.families.dynamixel2.group_reply import GroupReply, WholeReply, fast_reply_length, status_length
+from hardware.families.models import USUAL
+from hardware.rig.driving.servo_port import SyncWrite
 from hardware.rig.rig_file import RigConfig, RigJoint
 from hardware.rig.state_block import row_layout
 from hardware.rig.supervision.rig import Rig
@@ -129,13 +130,12 @@ class Rows:
             layout = row_layout(np.dtype("<u2,<i4,<i4"), stride, error, error + 1 + fast)
             self._buffers[fast] = bytearray(stride * len(IDS))
             self._rows[fast] = np.frombuffer(self._buffers[fast], dtype=layout)
-        self.goals = SyncWrite(IDS, *GOAL)
-        self.wanted = np.full(len(IDS), 2048, dtype=np.int32)
+        self.goals = SyncWrite(IDS, *GOAL, USUAL, slice(None))
+        self.wanted = np.full(len(IDS), 2048.0)
 
     def write(self) -> bool:
         """Sends the goals."""
-        self.goals.values[:] = self.wanted
-        return self.bus.port.send(self.goals.frame())
+        return self.bus.port.send(self.goals.frame(self.wanted))
 
     def ask(self, fast: bool = True) -> None:
         """Asks for the states."""
@@ -170,12 +170,11 @@ def ours(port: str, baud: int) -> Client:
 
 def ours_with_statuses(port: str, baud: int) -> Client:
     bus = Bus(SerialPort(port, baud), baud, margin=0.5)
-    goals, wanted = SyncWrite(IDS, *GOAL), np.full(len(IDS), 2048, dtype=np.int32)
+    goals, wanted = SyncWrite(IDS, *GOAL, USUAL, slice(None)), np.full(len(IDS), 2048.0)
     blocks = tuple((id, *STATE) for id in IDS)
 
     def sync_write() -> bool:
-        goals.values[:] = wanted
-        return bus.port.send(goals.frame())
+        return bus.port.send(goals.frame(wanted))
 
     def fast_read() -> bool:
         return len(bus.bulk_read(blocks, fast=True)) == len(IDS)
@@ -286,8 +285,7 @@ def in_turns(with_statuses: bool, port: str, baud: int) -> Turn:
     def turn() -> bool:
         while (reply := bus.collect()) is None:
             bus.port.wait(0.5)
-        write.values[:] = wanted
-        bus.request(blocks, True, write.frame())
+        bus.request(blocks, True, write.frame(wanted))
         if with_statuses and isinstance(reply, WholeReply):
             return len(reply.statuses(IDS)) == len(IDS)
         return servos.numbers(reply)

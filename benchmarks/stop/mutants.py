@@ -451,7 +451,7 @@ MUTANTS = (
         'yield name, default, "switch-on"',
     ),
     Mutant(
-        "actuator: the temperature limit is the table's", SWITCHING + "own_settings.py", OWN,
+        "actuator: the temperature limit is the table's", "hardware/rig/state_block.py", OWN,
         '[read_register(joint, bus, "temperature_limit") for joint in config.joints]',
         "[joint.hottest for joint in config.joints]",
     ),

@@ -1,11 +1,12 @@
-"""The emulator as a child process."""
+"""The emulator as a child process; in it `main` serves a rig file while its parent lives."""
 
+import os
 import subprocess
 import sys
 from pathlib import Path
 from typing import Self
 
-from hardware.errors import SerialPortError
+from hardware.errors import MotiondeckError, SerialPortError
 from hardware.rig.rig_file import load_rig
 
 
@@ -43,7 +44,7 @@ class EmulatorProcess:
 def start_emulator(path: str | Path) -> EmulatorProcess:
     """Emulates the rig of a rig file in a child process; raises SerialPortError if that does not start."""
     config = load_rig(path)
-    command = [sys.executable, "-P", "-m", "hardware.emulator", str(path)]
+    command = [sys.executable, "-P", "-m", "hardware.emulator.process", str(path)]
     # In another session: Ctrl-C is for the deck, which still needs its servos to come to rest.
     process = subprocess.Popen(
         command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, text=True, start_new_session=True
@@ -54,3 +55,22 @@ def start_emulator(path: str | Path) -> EmulatorProcess:
         emulator.stop()
         raise SerialPortError(f"the emulator for {path} did not start; its message stands above.")
     return emulator
+
+
+def main(rig: str) -> int:
+    """Serves a rig file and prints its ports; returns 0, or 1 if the file cannot be used."""
+    from hardware.emulator.pty_server import serve
+
+    parent = os.getppid()
+    try:
+        serve(load_rig(rig), lambda port: print(port, flush=True), goes_on=lambda: os.getppid() == parent)
+    except MotiondeckError as error:
+        print(f"motiondeck: {error}", file=sys.stderr)
+        return 1
+    except (KeyboardInterrupt, BrokenPipeError):
+        pass
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(*sys.argv[1:]))

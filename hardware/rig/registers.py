@@ -4,6 +4,7 @@ from collections.abc import Iterable, Sequence
 
 from hardware.bus.servo_bus import Bus
 from hardware.families.family import Family
+from hardware.families.register import Register, decode_block
 from hardware.families.table import ControlTable
 from hardware.rig.rig_file import RigConfig
 from hardware.rig.rig_joint import RigJoint
@@ -13,6 +14,23 @@ def read_register(joint: RigJoint, bus: Bus, name: str) -> int:
     """A register of one servo, in counts."""
     register = joint.table[name]
     return register.decode(bus.read(joint.id, register.address, register.length).params)
+
+
+def read_block(joint: RigJoint, bus: Bus, rows: Sequence[Register]) -> dict[str, int]:
+    """Registers of one servo in order of address, read at once with all between them, in counts by name."""
+    start, end = rows[0].address, rows[-1].address + rows[-1].length
+    return decode_block(rows, bus.read(joint.id, start, end - start).params, start)
+
+
+def parts(rows: Iterable[Register], most: int) -> list[list[Register]]:
+    """Divides registers in order of address; no part has more bytes than `most` from its first to its last."""
+    found: list[list[Register]] = []
+    for row in rows:
+        if found and row.address + row.length - found[-1][0].address <= most:
+            found[-1].append(row)
+        else:
+            found.append([row])
+    return found
 
 
 def read_each(config: RigConfig, bus: Bus, name: str) -> list[int]:

@@ -9,7 +9,7 @@ Servos without indirect cells have so few registers that they are always asked f
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from hardware.families.table import ControlTable
 from hardware.rig.registers import read_register
 from hardware.rig.rig_file import RigConfig
 from hardware.rig.rig_joint import RigJoint
-from hardware.rig.scale import force_of
+from hardware.rig.scale import Array, force_of
 
 FIELDS = ("force", "present_velocity", "present_position", "hardware_error_status", "present_temperature",
           "torque_enable", "present_input_voltage", "torque_limit")  # fmt: skip
@@ -134,3 +134,17 @@ def _arrange(joint: RigJoint, bus: Bus) -> StateBlock:
 
 def _look(joint: RigJoint, bus: Bus, block: StateBlock) -> np.void:
     return np.frombuffer(bus.read(joint.id, block.address, block.length).params, dtype=block.layout)[0]
+
+
+class OwnSettings(NamedTuple):
+    """What J servos keep themselves and a rig file does not ask for: read when switched on, and never written."""
+
+    hottest: Array  # the temperature at which each shuts down, shape (J,), degC
+    slack: Array  # how far from its goal each drives with its full voltage, shape (J,), rad
+
+
+def read_own_settings(config: RigConfig, bus: Bus) -> OwnSettings:
+    """Reads temperature limit and position gain of every servo; a ServoError if one does not answer."""
+    gain, limits = "position_p_gain", [read_register(joint, bus, "temperature_limit") for joint in config.joints]
+    slack = [one.slack(read_register(one, bus, gain) if gain in one.table.registers else None) for one in config.joints]
+    return OwnSettings(np.array(limits, dtype=np.float64), np.array(slack))

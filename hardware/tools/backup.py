@@ -5,20 +5,19 @@ from pathlib import Path
 
 import msgspec
 
-from hardware.bus.servo_bus import UNKNOWN_MODEL, Bus
+from hardware.bus.servo_bus import Bus
 from hardware.errors import NoReplyError, RigError
 from hardware.families.models import FAMILIES
-from hardware.families.register import Counts, decode_block
-from hardware.rig.registers import put, read_register
+from hardware.families.register import Counts
+from hardware.rig.registers import parts, put, read_block, read_register
 from hardware.rig.rig_file import RigConfig
 from hardware.rig.rig_joint import RigJoint
+from hardware.rig.switching.identities import MUTE, check_identities
 from motiondeck_base.files import write_file
 
 _CHUNK = 64  # bytes a read
 # The servo would be gone from its place on the bus.
 _NOT_RESTORED = {"id", "baud_rate"} | {family.choice[0] for family in FAMILIES if family.choice}
-
-_MUTE = "{} answers a ping but no read: its status_return_level is 0. Set it with motiondeck rig doctor RIG --fix."
 
 
 class ServoBackup(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -32,9 +31,9 @@ class ServoBackup(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 def back_up(config: RigConfig, bus: Bus) -> list[ServoBackup]:
     """Reads the whole table of every servo; raises RigError if one is missing or of another model."""
+    check_identities(config.servos, bus)
     backups: list[ServoBackup] = []
     for joint in config.servos.joints:
-        _check_model(joint, bus)
         try:
             held = _read_all(joint, bus)
         except NoReplyError:
@@ -44,22 +43,15 @@ def back_up(config: RigConfig, bus: Bus) -> list[ServoBackup]:
 
 
 def _read_all(joint: RigJoint, bus: Bus) -> dict[str, int]:
-    rows = list(joint.table.registers.values())
-    held: dict[str, int] = {}
-    while rows:
-        start = rows[0].address
-        block = [row for row in rows if row.address + row.length <= start + _CHUNK]
-        rows = rows[len(block) :]
-        data = bus.read(joint.id, start, block[-1].address + block[-1].length - start).params
-        held |= decode_block(block, data, start)
-    return held
+    blocks = parts(joint.table.registers.values(), _CHUNK)
+    return {name: count for block in blocks for name, count in read_block(joint, bus, block).items()}
 
 
 def _read_silent(joint: RigJoint, bus: Bus) -> dict[str, int]:
     """As `_read_all` of a servo that answers a ping but no read; its level is raised in RAM meanwhile."""
     level = joint.table["status_return_level"]
     if level.memory != "RAM":
-        raise RigError(_MUTE.format(joint.label))
+        raise RigError(MUTE.format(joint.label))
     answers, mute = (bytes((joint.id,)) + level.encode(value) for value in (2, 0))
     bus.sync_write(level.address, level.length, answers)
     try:
@@ -77,13 +69,13 @@ def restore(config: RigConfig, backups: Iterable[ServoBackup], bus: Bus) -> list
     config, kept = config.servos, {backup.joint: backup for backup in backups}
     lines = [f"{joint.label}: not in the backup" for joint in config.joints if joint.name not in kept]
     writes: list[tuple[RigJoint, str, int]] = []
-    for joint in config.joints:
+    for index, joint in enumerate(config.joints):
         if joint.name not in kept:
             continue
         backup, servo = kept[joint.name], joint.label
         if backup.model != joint.model:
             raise RigError(f"{joint.name} is {joint.model} in the rig file, and {backup.model} in the backup.")
-        _check_model(joint, bus)
+        check_identities(config.only([index]), bus)
         if read_register(joint, bus, "torque_enable"):
             raise RigError(f"{servo} has its torque on. Take it off with motiondeck rig stop.")
         for name, value in backup.registers.items():
@@ -119,13 +111,3 @@ def load_backups(path: Path) -> list[ServoBackup]:
         raise RigError(f"cannot read the backup {path}: {error.strerror}.") from error
     except msgspec.DecodeError as error:
         raise RigError(f"{path} is not a backup of motiondeck rig backup: {error}.") from error
-
-
-def _check_model(joint: RigJoint, bus: Bus) -> None:
-    identity = bus.ping(joint.id)
-    if identity is None:
-        raise RigError(f"{joint.label} does not answer. Check power, cable, id and baud rate.")
-    if identity.model_number == UNKNOWN_MODEL:
-        raise RigError(_MUTE.format(joint.label))
-    if identity.model != joint.model:
-        raise RigError(f"{joint.label} answers as {identity.model}, not as {joint.model}. Correct the rig file.")

@@ -44,22 +44,14 @@ def model_file(model: str, folder: Path | None = None) -> ModelFile:
         kind = {row[0]: float(row[1]) for row in sections["type info"]}
         units = {row[0]: float(row[1]) for row in sections.get("unit info", [])}
         rows = [Row(int(address), int(length), _snake(label)) for address, length, label in sections["control table"]]
+        rows = {row.address: row for row in reversed(rows)}  # some tables name a place twice
         turn = kind["max_radian"] - kind["min_radian"]
         counts = kind["value_of_max_radian_position"] - kind["value_of_min_radian_position"]
     except (KeyError, ValueError) as error:
         raise MotiondeckError(f"{name} of dynamixel-sdk is not of the form that is known ({error}).") from error
     # The two ends of one turn are neighbours, so 0 to 4095 is a turn of 4096.
     pulses = round((counts + counts % 2) * 2.0 * 3.14159265 / turn)
-    return ModelFile(pulses, units.get("present_velocity", 0.0), tuple(_unique(rows)))
-
-
-def _unique(rows: list[Row]) -> Iterator[Row]:
-    """The rows in order of address, each place once: some tables name a place twice."""
-    end = 0
-    for row in sorted(rows, key=lambda row: row.address):
-        if row.address >= end:
-            end = row.address + row.length
-            yield row
+    return ModelFile(pulses, units.get("present_velocity", 0.0), tuple(sorted(rows.values())))
 
 
 def _sections(text: str) -> Iterator[tuple[str, list[list[str]]]]:

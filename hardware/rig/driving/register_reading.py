@@ -10,6 +10,7 @@ command. For all others there are the rig file, `rig doctor --fix` and `rig setu
 from hardware.errors import RigError
 from hardware.families.register import Register, decode_block
 from hardware.families.table import ControlTable
+from hardware.rig.registers import parts
 from hardware.rig.rig_joint import RigJoint
 
 WRITABLE = ("led", "led_red", "led_green", "led_blue", "moving_threshold", "position_d_gain")
@@ -30,7 +31,7 @@ class RegisterReading:
         self.counts: dict[str, int] = {}  # read so far, by the register's name
         self.failure = ""  # why it ended early, or ""
         self._servo, self._wanted = servo, write
-        self._parts = _parts(servo.table)
+        self._parts = parts(shown_registers(servo.table), _MOST_BYTES)
         self._tries = _TRIES
         # The frame to send in front of the next request, once.
         self.write = b"" if write is None else _frame(servo, *write)
@@ -64,16 +65,6 @@ class RegisterReading:
 def shown_registers(table: ControlTable) -> list[Register]:
     """The registers of a model without the indirect cells, which are the rig's own."""
     return [row for row in table.registers.values() if not row.name.startswith("indirect_")]
-
-
-def _parts(table: ControlTable) -> list[list[Register]]:
-    parts: list[list[Register]] = []
-    for row in shown_registers(table):
-        if parts and row.address + row.length - parts[-1][0].address <= _MOST_BYTES:
-            parts[-1].append(row)
-        else:
-            parts.append([row])
-    return parts
 
 
 def _frame(servo: RigJoint, name: str, count: int) -> bytes:

@@ -15,28 +15,28 @@ be silent right behind such a write, all get the slowest of the silent ones' spe
 
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hardware.bus.servo_bus import Bus
-from hardware.bus.sync_write import SyncWrite
 from hardware.errors import MotiondeckError, RigError, with_torque
+from hardware.families.family import Family
 from hardware.rig.counters import RigFaults
 from hardware.rig.driving.readings import Measurements, Readings
 from hardware.rig.registers import return_delays, same_place, sync_write_all
 from hardware.rig.rig_file import RigConfig
 from hardware.rig.scale import Array, RigScale
-from hardware.rig.state_block import StateBlock, arrange_state
+from hardware.rig.state_block import OwnSettings, StateBlock, arrange_state, read_own_settings
 from hardware.rig.switching.identities import knows_fast_reads
-from hardware.rig.switching.own_settings import OwnSettings, read_own_settings
 from hardware.rig.switching.torque import Held, hold_each, speed_counts, switch_off, switch_on
 from hardware.rig.switching.turns import keep_zeros
 from hardware.rig.turn_file import TurnFile
 
 _ARM_AGAIN = 1.0  # s
 _WRITTEN = ("goal_position", "profile_velocity", "bus_watchdog")
+_BEHIND_HEADER = 4  # bytes of a frame: the header itself may have a pattern that is stuffed
 _SHORT_DELAY = 20e-6  # s; a servo's answer that starts so soon costs nothing that could be saved
 
 
@@ -72,8 +72,8 @@ class ServoPort:
         self._joint_of = np.array(config.joint_of)
         self.bus = bus
         bus.families = part.families
-        self._goals = list(_groups(self.servos, "goal_position", self.rows, len(names)))
-        self._speeds = list(_groups(self.servos, "profile_velocity", self.rows, len(names)))
+        self._goals = list(_writes(self.servos, "goal_position", self.rows, len(names)))
+        self._speeds = list(_writes(self.servos, "profile_velocity", self.rows, len(names)))
         count = len(config.joints)
         # The part of its speed limit that each servo keeps on its own, shape (J,); see `keep_pace`.
         self.pace, self._paced = np.ones(count), True
@@ -203,9 +203,9 @@ class ServoPort:
         counts = np.zeros(len(self._own))
         counts[self.rows] = [speed_counts(joint, pace) for joint, pace in paces]
         if silent is not None:
-            for group in self._speeds:
-                own = counts[group.rows]
-                counts[group.rows] = np.minimum(own, own[silent[group.rows]].min(initial=own.max()))
+            for write in self._speeds:
+                own = counts[write.rows]
+                counts[write.rows] = np.minimum(own, own[silent[write.rows]].min(initial=own.max()))
         return _frames(self._speeds, counts)
 
     def _request(self, before: bytes = b"") -> bool:
@@ -247,25 +247,39 @@ def close_all(ports: Sequence[ServoPort], *, hold: bool = False) -> list[str]:
     return unconfirmed
 
 
-class _Group(NamedTuple):
-    """Servos, as an index of arrays, with a register at the same place and of the same family."""
+class SyncWrite:
+    """A register of servos of one family, given new values in each tick; what stays the same is made once."""
 
-    rows: NDArray[np.int64] | slice
-    write: SyncWrite
+    def __init__(
+        self, ids: Sequence[int], address: int, length: int, family: Family, rows: NDArray[np.int64] | slice
+    ) -> None:
+        """The register has 1, 2 or 4 bytes, signed; the servos are these `rows` of arrays of the rig."""
+        self.rows, self._address, self._length, self._family = rows, address, length, family
+        self._trailer, self._stuffed = family.trailer, family.stuffed
+        empty = b"".join(bytes((id,)) + bytes(length) for id in ids)
+        whole = family.instructions.sync_write(address, length, empty)
+        self._body = bytearray(whole[: -len(family.trailer(whole))])
+        self._head = len(self._body) - len(empty)
+        entries = np.frombuffer(self._body, dtype=[("id", "u1"), ("value", f"<i{length}")], offset=self._head)
+        self._values: NDArray[Any] = entries["value"]
+
+    def frame(self, counts: Array) -> bytes:
+        """The bytes of the frame with these values, counts of all servos of the rig."""
+        self._values[:] = counts[self.rows]
+        body = self._body
+        if self._stuffed and body.find(self._stuffed, _BEHIND_HEADER) >= 0:
+            return self._family.instructions.sync_write(self._address, self._length, bytes(body[self._head :]))
+        return b"".join((body, self._trailer(body)))
 
 
-def _groups(servos: RigConfig, name: str, rows: NDArray[np.int64], count: int) -> Iterator[_Group]:
+def _writes(servos: RigConfig, name: str, rows: NDArray[np.int64], count: int) -> Iterator[SyncWrite]:
     for (family, address, length), members in same_place(servos, name).items():
-        write = SyncWrite([servos.joints[index].id for index in members], address, length, family)
-        yield _Group(slice(None) if len(members) == count else rows[members], write)
+        ids = [servos.joints[index].id for index in members]
+        yield SyncWrite(ids, address, length, family, slice(None) if len(members) == count else rows[members])
 
 
-def _frames(groups: list[_Group], counts: Array) -> bytes:
-    frames = []
-    for group in groups:
-        group.write.values[:] = counts[group.rows]
-        frames.append(group.write.frame())
-    return b"".join(frames)
+def _frames(writes: list[SyncWrite], counts: Array) -> bytes:
+    return b"".join([write.frame(counts) for write in writes])
 
 
 def longest_tick(config: RigConfig, blocks: Sequence[StateBlock], fast: bool, own_delays: Sequence[float]) -> float:
@@ -279,8 +293,8 @@ def longest_tick(config: RigConfig, blocks: Sequence[StateBlock], fast: bool, ow
     count = len(config.joints)
     readings = Readings(config, range(count), RigScale(config), Measurements(count), RigFaults.none(count))
     readings.start(range(count), np.zeros(count), blocks, 0.0)
-    groups = [group for name in _WRITTEN for group in _groups(config, name, np.arange(count), count)]
-    written = sum(len(group.write.frame()) for group in groups)
+    writes = [write for name in _WRITTEN for write in _writes(config, name, np.arange(count), count)]
+    written = len(_frames(writes, np.zeros(count)))
     longest = 0.0
     for request in readings.every_request():
         read = config.joints[request.joints[0]].table.family.group_read(request.blocks, fast)

@@ -170,7 +170,7 @@ class Strain:
     """
 
     def __init__(self, config: RigConfig, slack: Array) -> None:
-        """Knows each servo's slack (J,), rad, as in `own_settings`."""
+        """Knows each servo's slack (J,), rad, as in `OwnSettings`."""
         # A gripper is not strained by what it holds.
         self._allowed = np.array([math.inf if joint.grip else allowed_current(joint) for joint in config.joints])
         self._slack = slack

@@ -13,10 +13,9 @@ import numpy as np
 from hardware.bus.servo_bus import Bus
 from hardware.errors import MotiondeckError, RigError, SerialPortError
 from hardware.rig.driving.servo_port import ServoPort
-from hardware.rig.state_block import StateBlock, arrange_state
+from hardware.rig.state_block import OwnSettings, StateBlock, arrange_state, read_own_settings
 from hardware.rig.supervision.health import Health
 from hardware.rig.supervision.pace import SLOWER
-from hardware.rig.switching.own_settings import OwnSettings, read_own_settings
 from hardware.rig.switching.torque import Held, resume
 from hardware.rig.switching.turns import keep_zeros
 

@@ -34,8 +34,7 @@ from typing import Literal, NamedTuple
 
 from hardware.bus.servo_bus import Bus
 from hardware.errors import RefusedError
-from hardware.families.register import decode_block
-from hardware.rig.registers import put
+from hardware.rig.registers import put, read_block
 from hardware.rig.rig_file import RigConfig
 from hardware.rig.rig_joint import RigJoint
 from hardware.rig.scale import RigScale
@@ -155,12 +154,8 @@ def current_counts(joint: RigJoint) -> int:
 def _read_settings(joint: RigJoint, bus: Bus) -> dict[str, int]:
     compared = _COMPARED | joint.table.series.bits_needed.keys()
     rows = [register for name, register in joint.table.registers.items() if name in compared]
-    held: dict[str, int] = {}
-    for memory in ("EEPROM", "RAM"):
-        block = [row for row in rows if row.memory == memory]
-        start, end = block[0].address, block[-1].address + block[-1].length
-        held |= decode_block(block, bus.read(joint.id, start, end - start).params, start)
-    return held
+    memories = ([row for row in rows if row.memory == memory] for memory in ("EEPROM", "RAM"))
+    return {name: count for block in memories for name, count in read_block(joint, bus, block).items()}
 
 
 def _needs(joint: RigJoint, low: int, high: int, held: dict[str, int]) -> Iterator[tuple[str, int, When]]:

@@ -2,13 +2,15 @@
 
 from collections.abc import Sequence
 
-from hardware.bus.servo_bus import Bus, Identity
+from hardware.bus.servo_bus import UNKNOWN_MODEL, Bus, Identity
 from hardware.errors import RigError, ServoError
 from hardware.families.models import TRAITS
 from hardware.families.table import describe_errors
 from hardware.rig.registers import list_joints, read_each, read_register, sync_write_all
 from hardware.rig.rig_file import RigConfig
 from hardware.rig.rig_joint import RigJoint
+
+MUTE = "{} answers a ping but no read: its status_return_level is 0. Set it with motiondeck rig doctor RIG --fix."
 
 
 def check_identities(config: RigConfig, bus: Bus) -> None:
@@ -30,6 +32,9 @@ def check_identities(config: RigConfig, bus: Bus) -> None:
             f"no answer on {bus.port.name} at {bus.baud} baud from {list_joints(missing)}. "
             "Check power, cables and ids; motiondeck rig doctor finds servos at other ids and baud rates."
         )
+    mute = [joint for joint in config.joints if (one := found[joint.id]) and one.model_number == UNKNOWN_MODEL]
+    if mute:
+        raise RigError(MUTE.format(list_joints(mute)))
     others = [
         f"{joint.label} answers as {identity.model}, not as {joint.model}"
         for joint in config.joints

@@ -288,15 +288,12 @@ def test_a_wrong_rig_file_is_told_before_anything_starts(tmp_path):
         start_emulator(tmp_path / "none.toml")
 
 
-@pytest.mark.parametrize(
-    ("arguments", "code", "said"), [([], 2, "usage"), (["none.toml"], 1, "motiondeck: none.toml: cannot be read")]
-)
-def test_the_emulators_command_says_what_is_wrong(tmp_path, arguments, code, said):
+def test_the_emulators_process_says_what_is_wrong(tmp_path):
     run = subprocess.run(
-        [sys.executable, "-m", "hardware.emulator", *arguments], capture_output=True, text=True, cwd=tmp_path
+        [sys.executable, "-m", "hardware.emulator.process", "none.toml"], capture_output=True, text=True, cwd=tmp_path
     )
-    assert run.returncode == code
-    assert run.stderr.startswith(said)
+    assert run.returncode == 1
+    assert run.stderr.startswith("motiondeck: none.toml: cannot be read")
     assert run.stdout == ""
 
 
