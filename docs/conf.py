@@ -1,7 +1,8 @@
 """How Sphinx makes the site of these pages: `sphinx-build -W docs site`, or `sphinx-autobuild docs site` to read along.
 
 The pages are Markdown that GitHub shows too, so what only the site needs is added while they are read: the tree of
-pages (from the lists of README.md), the reference of commands (from the command line) and of the API (from docstrings).
+pages (from the doors and lists of README.md), the references of commands (from the command line) and of the API (from
+docstrings).
 """
 
 from __future__ import annotations
@@ -43,6 +44,8 @@ OUTSIDE = re.compile(r"\[([^\]]*)\]\(\.\./[^)]*\)")
 # --robot servo20 --for web --out FOLDER --motions walk,slow-walk,jog,waltz,box1,cartwheel,getdown,crawl,standup`.
 LIVE = """
 
+Or play nine of the motions here, with nothing installed:
+
 <iframe src="live/index.html" title="nine motions on a robot, played here" loading="lazy"
   style="width: 100%; height: 600px; border: 1px solid #8884; border-radius: 8px"></iframe>
 """
@@ -52,8 +55,9 @@ def add_what_the_site_needs(app: Any, page: str, source: list[str]) -> None:
     """Completes README by the tree of pages, and the references by what they are of; unlinks files outside of docs/."""
     text = source[0]
     if page == root_doc:
-        text = text.replace("\n", LIVE, 1)
-        for caption, pages in LIST.findall(text):
+        text = text.replace("\n\nPlay and", f"{LIVE}\nPlay and", 1)
+        doors = "\n".join(line for line in text.splitlines() if line.startswith(("First", "| **")))
+        for caption, pages in [("Start here", doors), *LIST.findall(text)]:
             text += f"\n```{{toctree}}\n:hidden:\n:caption: {caption}\n\n" + "\n".join(LINK.findall(pages)) + "\n```\n"
     if page == "command-reference":
         text += command_reference()

@@ -147,6 +147,25 @@ def beside() -> None:
     contact_sheet(rows, PICTURES / "walk-beside-human.webp", (170, 190))
 
 
+def doors() -> None:
+    """The three doors of the first page: the motion, a robot that plays it, and the dials of a rig."""
+    library = load_library("thesis15").model
+    for name, robot in (("motion", "mannequin"), ("robot", "servo20")):
+        body = load_robot(find_robot(robot), library.skeleton)
+        deck, stage = Deck(library, body.retarget, "waltz"), KinematicPlayback(body)
+        with OffScreen(body.drawn, (480, 320), shadows=True) as screen:
+            for _ in range(round(2.6 / DT)):
+                stage.write(*deck.update(DT))
+                screen.follow(stage.qpos)
+            save_door(Image.fromarray(screen.draw(stage.qpos)), name)
+    save_door(Image.open(PICTURES / "page-keys.webp").convert("RGB").crop((263, 180, 743, 500)), "rig")
+
+
+def save_door(picture: Image.Image, name: str) -> None:
+    """Saves one of the doors."""
+    picture.save(PICTURES / f"door-{name}.webp", quality=80)
+
+
 def rise() -> None:
     """A walking robot is pushed over backwards, and gets up."""
     library = load_library("thesis15").model
@@ -203,6 +222,7 @@ MADE: dict[str, Callable[[], object]] = {
     "walk-servo20": walk,
     "walk-beside-human": beside,
     "rise-servo20": rise,
+    "doors": doors,
     "network-inside": network,
     "morphs": morphs,
     "thesis15-mannequin": lambda: draw_sheet(

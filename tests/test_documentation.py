@@ -62,6 +62,16 @@ def test_every_page_is_linked_from_the_first():
     assert {page.name for page in (ROOT / "docs").glob("*.md")} - linked == {"README.md"}
 
 
+def test_the_page_of_installation_names_every_extra_and_every_python_that_is_tested():
+    page = (ROOT / "docs" / "installation.md").read_text(encoding="utf-8")
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["optional-dependencies"]
+    table = page.partition("| extra |")[2].partition("\n\n")[0]
+    assert set(re.findall(r"^\| `(\w+)`", table, flags=re.M)) == set(extras)
+    (tested,) = re.findall(r"python: \[(.*)\]", (ROOT / ".github/workflows/ci.yml").read_text())
+    (first,) = re.findall(r"needs Linux and Python (.*?)\. ", page)
+    assert re.findall(r"[\d.]+", first) == re.findall(r"[\d.]+", tested)
+
+
 def test_the_notices_name_every_shipped_library():
     shipped = {file.stem for file in (ROOT / "configs" / "libraries").glob("*.safetensors")}
     notices = (ROOT / "THIRD_PARTY_NOTICES.md").read_text(encoding="utf-8")
