@@ -1,10 +1,10 @@
-"""Arrays by name in a temporary file that has no name, so that memory holds those in use only."""
+"""Large arrays in temporary files that have no name, so that memory holds those in use only."""
 
 import mmap
-import os
-from collections.abc import Iterator, MutableMapping
+import resource
 from contextlib import suppress
 from ctypes import CDLL
+from functools import cache
 from tempfile import TemporaryFile
 from typing import Any
 from weakref import WeakSet
@@ -12,7 +12,8 @@ from weakref import WeakSet
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+SMALL = 1 << 16  # bytes: a smaller array stays in memory
+_MAPPED = WeakSet[mmap.mmap]()
 
 
 def return_freed_arrays() -> None:
@@ -23,11 +24,18 @@ def return_freed_arrays() -> None:
         set_option(-1, 16 << 20)  # M_TRIM_THRESHOLD
 
 
-_MAPPED = WeakSet[mmap.mmap]()
+@cache
+def _allow_many_files() -> None:
+    """Each array keeps its file open, and a library of some hundred motions has more than the usual 1024."""
+    most = resource.getrlimit(resource.RLIMIT_NOFILE)[1]
+    resource.setrlimit(resource.RLIMIT_NOFILE, (most, most))
 
 
 def on_disk(array: NDArray[Any]) -> NDArray[Any]:
     """A copy of an array in a temporary file without a name; memory holds what was used of it since `release`."""
+    if array.nbytes < SMALL:
+        return array.copy()
+    _allow_many_files()
     with TemporaryFile() as file:
         file.write(np.ascontiguousarray(array).data)
         file.flush()
@@ -41,34 +49,3 @@ def release() -> None:
         mapped.madvise(mmap.MADV_DONTNEED)
     with suppress(AttributeError, OSError):
         CDLL(None).malloc_trim(0)
-
-
-class ArraysOnDisk(MutableMapping[str, Array]):
-    """Arrays of float64; each access reads its own copy. Pickled, it is a dictionary."""
-
-    def __init__(self) -> None:
-        self._file = TemporaryFile()  # noqa: SIM115 (closed with this object)
-        self._places: dict[str, tuple[int, tuple[int, ...]]] = {}  # first byte and shape
-
-    def __setitem__(self, name: str, array: Array) -> None:
-        self._places[name] = self._file.seek(0, os.SEEK_END), array.shape
-        self._file.write(np.ascontiguousarray(array, dtype=np.float64).data)
-
-    def __getitem__(self, name: str) -> Array:
-        first, shape = self._places[name]
-        out = np.empty(shape)
-        self._file.seek(first)
-        self._file.readinto(out.data)
-        return out
-
-    def __delitem__(self, name: str) -> None:
-        del self._places[name]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._places)
-
-    def __len__(self) -> int:
-        return len(self._places)
-
-    def __reduce__(self) -> tuple[type, tuple[dict[str, Array]]]:
-        return dict, (dict(self),)

@@ -1,6 +1,7 @@
 """The errors that a user can cause: one clear line each, with the place and the remedy."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Self
 
@@ -33,6 +34,15 @@ class FileFormatError(MotiondeckError):
     def listing(cls, place: str, problems: Sequence[str]) -> Self:
         """The error for several problems of one file: one line each, and each begins with `place`."""
         return cls("\n".join(f"{place}: {problem}" for problem in problems))
+
+    @classmethod
+    @contextmanager
+    def placed(cls, place: str | Path, remedy: str = "") -> Iterator[None]:
+        """Names the place in such an error from inside, and has a remedy follow."""
+        try:
+            yield
+        except cls as error:
+            raise cls(f"{place}: {error}{remedy}") from None
 
 
 class UnknownNameError(MotiondeckError):

@@ -47,10 +47,12 @@ class Line:
     def numbers_or_gaps(self, words: Iterable[str], largest: float = math.inf) -> list[float]:
         """Words of this line as numbers <= `largest`, NaN for "" and "none"; FileFormatError if one is neither."""
         found: list[float] = []
-        for word in map(str.strip, words):
-            value = math.nan if word.lower() in ("", "none") else as_float(word)
+        for word in words:
+            value = as_float(word)
+            if value is None and word.strip().lower() in ("", "none"):
+                value = math.nan
             if value is None or abs(value) > largest:
-                raise self.error(no_number(word))
+                raise self.error(no_number(word.strip()))
             found.append(value)
         return found
 

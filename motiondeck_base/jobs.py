@@ -65,13 +65,12 @@ def spread(tasks: Iterable[Task], jobs: Jobs, *, ordered: bool = False) -> Itera
         yield from (result for _, result in _on_cluster(tasks, jobs.cluster))
     else:
         early: dict[int, Any] = {}
-        following = itertools.count()
-        awaited = next(following)
+        awaited = 0
         for number, result in _on_cluster(tasks, jobs.cluster):
             early[number] = result
             while awaited in early:
                 yield early.pop(awaited)
-                awaited = next(following)
+                awaited += 1
 
 
 def _watched(parent: int, task: Task) -> Any:

@@ -78,11 +78,8 @@ def complete_body(points: Markers, labels: Sequence[str], known: Sequence[Clip],
         line = (place[:, left, :2] - place[:, right, :2]).mean(1)
         turn = yaw(np.arctan2(*gaussian_filter1d(line, SMOOTHED * rate, axis=0, mode="nearest").T[::-1]))
         origin = place.mean(1) * [1.0, 1.0, 0.0]
-        return (
-            rotate(conjugate(turn)[:, None], _window(place, rate) - origin[:, None]).reshape(len(place), -1),
-            origin,
-            turn,
-        )
+        seen = rotate(conjugate(turn)[:, None], _window(place, rate) - origin[:, None])
+        return seen.reshape(len(place), -1), origin, turn
 
     lessons: list[tuple[Array, Array]] = []
     for clip in known:

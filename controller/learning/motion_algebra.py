@@ -201,10 +201,7 @@ class _Reading:
         return 1.0
 
     def _or(self) -> _Term:
-        return self._joined("|", self._and, disjunction)
-
-    def _and(self) -> _Term:
-        return self._joined("&", self._not, conjunction)
+        return self._joined("|", lambda: self._joined("&", self._not, conjunction), disjunction)
 
     def _joined(self, sign: str, part: Callable[[], _Term], by: Callable[[Array, Array], Array]) -> _Term:
         term = part()

@@ -1,6 +1,6 @@
 """The training set of a recipe: recordings on one body at one rate, cut, closed or brought to rest."""
 
-from collections.abc import Callable, MutableMapping
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import chain
@@ -29,7 +29,7 @@ from controller.motion.formats.reading import read_clip
 from controller.motion.rotations import Array, dot
 from controller.motion.skeleton import Skeleton
 from controller.networks.driving_input import DrivingInput
-from motiondeck_base.arrays_on_disk import ArraysOnDisk, release
+from motiondeck_base.arrays_on_disk import on_disk, release
 from motiondeck_base.errors import FileFormatError
 
 SHORTEST_SECONDS = 0.4  # of a recording: two windows of the self-test
@@ -59,7 +59,7 @@ class TrainingSet:
 
     encoding: Encoding
     rate: float
-    frames: MutableMapping[str, Array]  # of each motion, shape (T, channels), in the encoding's units
+    frames: dict[str, Array]  # of each motion, shape (T, channels), in the encoding's units
     loops: dict[str, bool]  # whether each motion is a loop
     before: dict[str, Array] = field(default_factory=dict[str, Array])  # recorded frames before `frames`, if any
     # Learned part of each recording; not for recordings learned as recorded.
@@ -75,8 +75,11 @@ class TrainingSet:
     def lessons(self) -> Lessons:
         """The normalised motions for a trainer, each made when it is asked for."""
         variants = [variant.frames for loops in self.variants.values() for variant in loops]
-        every = chain(self.frames.values(), self.before.values(), variants)
-        normalisation = Normalisation.fit([np.array([one.min(0), one.max(0)]) for one in every], self.least_range)
+        ranges: list[Array] = []
+        for one in chain(self.frames.values(), self.before.values(), variants):
+            ranges.append(np.array([one.min(0), one.max(0)]))
+            release()
+        normalisation = Normalisation.fit(ranges, self.least_range)
         motions = MotionsOnDemand(list(self.frames), partial(self._motion, normalisation))
         return Lessons(motions, normalisation, self.rate, partial(joint_features, self.encoding))
 
@@ -133,9 +136,7 @@ def prepare(
     encoding = encoding_of(_body(recipe, data, clips, actors), twist=twist)
     loops = {motion.name: motion.plays == "loop" for motion in recipe.motions}
     inputs = {motion.name: motion.input for motion in recipe.motions if motion.input}
-    found = TrainingSet(
-        encoding, rate, ArraysOnDisk(), loops, least_range=trainer.least_range, inputs=inputs, actors=actors
-    )
+    found = TrainingSet(encoding, rate, {}, loops, least_range=trainer.least_range, inputs=inputs, actors=actors)
     for motion in recipe.motions:
         clip = clips[motion.name]
         if motion.input:
@@ -153,10 +154,12 @@ def prepare(
             washout = getattr(recipe.network, "washout", 0)
             if len(channels) < 2 * washout:
                 raise FileFormatError(f"motion '{motion.name}' is shorter than twice the washout of {washout} frames")
-            found.before[motion.name], found.frames[motion.name] = channels[:washout], channels[washout:]
+            found.before[motion.name], found.frames[motion.name] = map(
+                on_disk, (channels[:washout], channels[washout:])
+            )
         else:
-            found.frames[motion.name], part = to_learn(encoding, clip, motion, rate, recipe.loop_keeps)
-            found.parts[motion.name] = part
+            frames, part = to_learn(encoding, clip, motion, rate, recipe.loop_keeps)
+            found.frames[motion.name], found.parts[motion.name] = on_disk(frames), part
             found.recorded[motion.name] = partial(
                 recorded_part, clip, part.first, part.end, loop=loops[motion.name], body=part.body
             )
@@ -179,11 +182,9 @@ def _reader(data: Path) -> Reader:
 
 def read_motion(data: Path, motion: MotionRecipe) -> Clip:
     """The recording of a motion, or its joined takes; mirrored if the recipe says so."""
-    path = find_recording(data, motion.file)
-    takes = [path, *(find_recording(data, take) for take in motion.takes)]
-    clip = (
-        read_takes(takes) if motion.takes and not motion.input else read_clip(path, reading_options(data, path, motion))
-    )
+    path, *takes = (find_recording(data, one) for one in (motion.file, *motion.takes))
+    joins = takes and not motion.input
+    clip = read_takes([path, *takes]) if joins else read_clip(path, reading_options(data, path, motion))
     return mirrored(clip) if motion.mirrored else clip
 
 

@@ -206,10 +206,8 @@ def load_library(path: Path) -> MotionLibrary:
     """Reads and checks a library; a FileFormatError names in one line the file and what is wrong."""
     header, stored = read_arrays(path, KIND)
     info = read_header(path, header)
-    try:
+    with FileFormatError.placed(path):
         encoding = ENCODINGS[info.encoding].restore(info.skeleton)
-    except FileFormatError as error:
-        raise FileFormatError(f"{path}: {error}") from None
     network = network_kind(info.network).load(StoredNetwork(stored, info, encoding.channels))
     stored.finish()
     for motion in network.motions:
@@ -222,10 +220,8 @@ def load_library(path: Path) -> MotionLibrary:
             )
     library = MotionLibrary(info, network, encoding)
     for motion in network.motions:
-        try:
+        with FileFormatError.placed(f"{path}: body of motion '{motion}'"):
             body = library.body(motion)
-        except FileFormatError as error:
-            raise FileFormatError(f"{path}: body of motion '{motion}': {error}") from None
         if not (set(body.bones) == set(encoding.skeleton.bones) or is_canonical(body)):
             raise FileFormatError(f"{path}: body of motion '{motion}' has bones of another skeleton")
     return library

@@ -13,7 +13,7 @@ import select
 import socket
 import stat
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -85,6 +85,9 @@ class LocalSocket:
         except SocketError:
             self._socket.close()
             raise
+        self.number = self._socket.fileno()
+        self.ready = select.epoll()  # when a program wants to connect; its owner adds connections
+        self.ready.register(self._socket, select.EPOLLIN)
 
     def accept(self) -> socket.socket | None:
         """A connection of a program of this user or of root, or None; one of another user is closed."""
@@ -97,15 +100,12 @@ class LocalSocket:
             client.close()
         return None
 
-    def fileno(self) -> int:
-        """Readable when a program wants to connect."""
-        return self._socket.fileno()
-
-    def close(self) -> None:
-        """Closes and removes it; may be called twice."""
-        if self._socket.fileno() < 0:
+    def close(self, connections: Iterable[socket.socket]) -> None:
+        """Closes it and its connections and removes it; may be called twice."""
+        if self.ready.closed:
             return
-        self._socket.close()
+        for one in (self.ready, *connections, self._socket):
+            one.close()
         with contextlib.suppress(OSError), _locked(self._path.parent):
             if not _answers(self._path):
                 self._path.unlink(missing_ok=True)
@@ -139,8 +139,7 @@ class LocalListener:
         self._door = LocalSocket(port, "", MOST_CLIENTS)
         self.port = self._door.port
         self._clients: dict[int, socket.socket] = {}
-        self._ready = select.epoll()
-        self._ready.register(self._door, select.EPOLLIN)
+        self._ready = self._door.ready
 
     def receive(self, most_bytes: int, limit: int) -> Iterator[tuple[bytes, socket.socket]]:
         """The datagrams that have arrived, each with its sender; clients take turns."""
@@ -148,7 +147,7 @@ class LocalListener:
         while limit > 0 and (found := self._ready.poll(0)):
             limit -= len(found)
             for number, _ in found:
-                if number == self._door.fileno():
+                if number == self._door.number:
                     self._accept()
                 elif data := read_datagram(client := self._clients[number], most_bytes):
                     yield data, client
@@ -182,13 +181,8 @@ class LocalListener:
 
     def close(self) -> None:
         """Ends all connections and removes the socket; may be called twice."""
-        if self._ready.closed:
-            return
-        self._ready.close()
-        for client in self._clients.values():
-            client.close()
+        self._door.close(self._clients.values())
         self._clients.clear()
-        self._door.close()
 
 
 def refuse_second_deck(port: int) -> None:

@@ -42,8 +42,7 @@ class StopDoor:
         """Opens the door of the deck with that port; SocketError if it is taken, or its folder not private."""
         self._socket = LocalSocket(port, STOP_DOOR, _BACKLOG)
         self._holders: dict[int, _Holder] = {}  # the longest idle first
-        self._ready = select.epoll()
-        self._ready.register(self._socket, select.EPOLLIN)
+        self._ready = self._socket.ready
 
     def poll(self) -> int:
         """Answers what has arrived; the number of new presses."""
@@ -52,7 +51,7 @@ class StopDoor:
         while work > 0 and (found := self._ready.poll(0)):
             work -= len(found)
             for number, _ in found:
-                if number == self._socket.fileno():
+                if number == self._socket.number:
                     # With more a program would have to leave before it has had a chance to send.
                     while admitted < PLACES and (connection := self._socket.accept()) is not None:
                         admitted += 1
@@ -69,13 +68,8 @@ class StopDoor:
 
     def close(self) -> None:
         """Ends all connections and removes the socket; may be called twice."""
-        if self._ready.closed:
-            return
-        self._ready.close()
-        for holder in self._holders.values():
-            holder.connection.close()
+        self._socket.close(holder.connection for holder in self._holders.values())
         self._holders.clear()
-        self._socket.close()
 
     def _dismiss(self, number: int) -> int:
         """Ends a connection, after all that it has sent is read: an emergency stop is not lost with it."""

@@ -140,7 +140,8 @@ def _fill_group(markers: Array, filled: Array, group: list[Gap], rate: float) ->
     others = ~missing[within].any(axis=0) & (missing.mean(0) <= BRIDGED)
     if others.sum() < FEWEST_OTHERS:
         return group
-    base, turn, shape = _onto_mean_shape(_bridged(part[:, others], missing[:, others]))
+    seen = np.where(missing[:, others, None], np.nan, part[:, others])
+    base, turn, shape = _onto_mean_shape(np.stack([bridged(track) for track in seen.swapaxes(0, 1)], axis=1))
     known = _Others(shape, _scores(shape.reshape(len(shape), -1), rate))
     done = []
     for gap in group:
@@ -267,13 +268,6 @@ def _through_edges(predicted: Array, path: Array, missing: Flags, *, cubic: bool
         elif near:
             out[first:end] += between_rows(off, np.array(near), inside)
     return out
-
-
-def _bridged(markers: Array, missing: Flags) -> Array:
-    whole = np.where(missing[..., None], np.nan, markers)
-    for m in np.flatnonzero(missing.any(0)):
-        whole[:, m] = bridged(whole[:, m])
-    return whole
 
 
 def by_components(others: Array, path: Array, missing: Flags, kept: float) -> Array:

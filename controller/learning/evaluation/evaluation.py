@@ -11,7 +11,6 @@ from controller.learning.recipe import LibraryRecipe, read_recipe, recipe_of
 from controller.learning.trainers.trainer import Trainer, TrainingError, trainer_of
 from controller.learning.training_set import TrainingSet, prepare
 from controller.library.motion_library import load_library
-from controller.motion.rotations import Array
 from controller.networks.clip.network import ClipPlayer
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.jobs import Jobs
@@ -67,28 +66,23 @@ class Evaluation:
         return [name for name, verdict in verdicts.items() if not verdict.passed]
 
     def training_errors(
-        self, seeds: Iterable[int], tick: Callable[[], None], readout_targets: Sequence[Array] | None = None
+        self, seeds: Iterable[int], tick: Callable[[], None]
     ) -> tuple[list[TrainingError], list[dict[str, MotionVerdict]]]:
         """Errors and self-tests of a network per seed, as of `training_error`; MotiondeckError for a library."""
         if self.library is not None:
             raise MotiondeckError(f"{self.library}: accuracy is measured in training; give the recipe (.toml) instead")
         errors, verdicts = [], []
         for seed in seeds:
-            errors.append(training_error(self.recipe, self.syllabus, seed, readout_targets))
+            errors.append(training_error(self.recipe, self.syllabus, seed))
             verdicts.append(self_test(errors[-1].network, self.judge))
             tick()
         return errors, verdicts
 
 
-def training_error(
-    recipe: LibraryRecipe, syllabus: TrainingSet, seed: int, readout_targets: Sequence[Array] | None = None
-) -> TrainingError:
-    """Trains a recipe with a seed and measures it, as tables 4.1, 4.3 and 4.5 of Deliallisi 2017.
-
-    `readout_targets`, one (T, channels) a motion, replace its frames as targets of a conceptor network's readout.
-    """
+def training_error(recipe: LibraryRecipe, syllabus: TrainingSet, seed: int) -> TrainingError:
+    """Trains a recipe with a seed and measures it, as tables 4.1, 4.3 and 4.5 of Deliallisi 2017."""
     trainer, judge = trainer_of(recipe.network), syllabus.judge(holds=not recipe.as_recorded)
-    return trainer.training_error(recipe.network, syllabus.lessons(), syllabus.frames, seed, judge, readout_targets)
+    return trainer.training_error(recipe.network, syllabus.lessons(), syllabus.frames, seed, judge)
 
 
 def read_evaluation(subject: str, data: Path) -> Evaluation:

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import overload
+from typing import Any
 
 import numpy as np
 
@@ -62,11 +62,6 @@ class MotionsOnDemand(Sequence[TrainingMotion]):
     def __len__(self) -> int:
         return len(self._names)
 
-    @overload
-    def __getitem__(self, index: int) -> TrainingMotion: ...
-    @overload
-    def __getitem__(self, index: slice) -> list[TrainingMotion]: ...
-    def __getitem__(self, index: int | slice) -> TrainingMotion | list[TrainingMotion]:
-        if isinstance(index, slice):
-            return [self._make(name) for name in self._names[index]]
-        return self._make(self._names[index])
+    def __getitem__(self, index: Any) -> Any:
+        found = self._names[index]
+        return self._make(found) if isinstance(found, str) else [*map(self._make, found)]

@@ -7,7 +7,7 @@ Two ways to internalise the input, so that the network runs without it:
   effect of the input. It needs C N instead of N^2 numbers and plays equally well.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -125,15 +125,12 @@ def principal_directions(centred: Array, rank: int) -> tuple[Array, Array]:
     return values, centred.T @ vectors / np.sqrt(neurons * values)
 
 
-def cut_to_tolerance(
-    network: ConceptorNetwork, encoding: Encoding, tolerance_mm: float, motions: Iterable[str] | None = None
-) -> ConceptorNetwork:
-    """The network with some motions, or all, cut to the smallest rank within a tolerance of their joints, mm."""
+def cut_to_tolerance(network: ConceptorNetwork, encoding: Encoding, tolerance_mm: float) -> ConceptorNetwork:
+    """The network with all motions cut to the smallest rank within a tolerance of their joints, mm."""
     # From each stored state the full and the cut conceptor take one step, and the joints are compared. A run would not
     # do: two correct networks at slightly different tempos soon differ.
     parts = {name: network[name] for name in network.motions}
-    for name in network.motions if motions is None else motions:
-        parts[name] = cut(parts[name], rank_within(parts[name], encoding, tolerance_mm))
+    parts = {name: cut(part, rank_within(part, encoding, tolerance_mm)) for name, part in parts.items()}
     return network.with_motions(parts)
 
 
@@ -148,14 +145,9 @@ def rank_within(part: ConceptorMotion, encoding: Encoding, tolerance_mm: float) 
 
 def cut(part: ConceptorMotion, rank: int) -> ConceptorMotion:
     """A motion in its first `rank` directions."""
-    return replace(
-        part,
-        recurrent=np.ascontiguousarray(part.recurrent[:, :rank]),
-        project=part.project[:rank].copy(),
-        offset=part.offset[:rank].copy(),
-        readout=np.ascontiguousarray(part.readout[:, :rank]),
-        states=np.ascontiguousarray(part.states[:, :rank]),
-    )
+    by_column = ("recurrent", "readout", "states")
+    kept = {name: np.ascontiguousarray(getattr(part, name)[:, :rank]) for name in by_column}
+    return replace(part, project=part.project[:rank].copy(), offset=part.offset[:rank].copy(), **kept)
 
 
 def _joints_after_a_step(part: ConceptorMotion, rank: int, encoding: Encoding) -> Array:

@@ -16,7 +16,6 @@ from controller.learning.reservoirs.conceptor_training import (
 from controller.learning.trainers.trainer import SettledNetwork, Trainer, TrainingError, mabs, nrmse
 from controller.motion.rotations import Array
 from controller.networks.conceptor.network import ConceptorNetwork
-from controller.networks.ridge import ridge
 
 
 class ConceptorTrainer(Trainer[ConceptorRecipe]):
@@ -42,29 +41,20 @@ class ConceptorTrainer(Trainer[ConceptorRecipe]):
         return SettledNetwork(*chosen, loaded.weights.astype(np.float32))
 
     def training_error(
-        self,
-        recipe: ConceptorRecipe,
-        lessons: Lessons,
-        frames: Mapping[str, Array],
-        seed: int,
-        judge: Judge,
-        readout_targets: Sequence[Array] | None = None,
+        self, recipe: ConceptorRecipe, lessons: Lessons, frames: Mapping[str, Array], seed: int, judge: Judge
     ) -> TrainingError:
         """Trains and measures the one readout of all motions, and W where it was learned in full."""
         loaded = load_reservoir(lessons.motions, recipe, seed)
         network, _ = settled_network(loaded, lessons, recipe, judge, seed)
         states = np.concatenate(loaded.states)
         inputs = np.concatenate([lesson.frames for lesson in lessons.motions])
-        readout, targets = loaded.readout, inputs
-        if readout_targets is not None:
-            targets = np.concatenate(readout_targets)
-            readout = ridge(states, targets, recipe.ridge)
         sized = error = None
         if recipe.learns == "weights":
             before = np.concatenate(loaded.before)
             sized = mabs(loaded.weights)
             error = nrmse(before @ loaded.weights.T, input_targets(loaded.reservoir, before, inputs))
-        return TrainingError(seed, mabs(readout), nrmse(states @ readout.T, targets), sized, error, network)
+        off = nrmse(states @ loaded.readout.T, inputs)
+        return TrainingError(seed, mabs(loaded.readout), off, sized, error, network)
 
 
 TRAINER = ConceptorTrainer()

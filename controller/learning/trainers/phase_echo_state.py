@@ -67,11 +67,8 @@ class PhaseEchoStateTrainer(PhaseDrivenTrainer[PhaseEchoStateRecipe]):
         if (tolerance := recipe.tolerance_mm) is None:
             return super().settle(recipe, lessons, seed, judge)
         network = self.train(recipe, lessons, seed)
-        keyed = {
-            name: _keyed(network[name], name, judge, frames, tolerance)
-            for name, frames in ((one.name, lessons.normalisation.invert(one.frames)) for one in lessons.motions)
-            if network.driving(name) is None
-        }
+        to, free = lessons.normalisation.invert, (one for one in lessons.motions if one.driving is None)
+        keyed = {one.name: _keyed(network[one.name], one.name, judge, to(one.frames), tolerance) for one in free}
         return SettledNetwork(network.with_motions(keyed))
 
     def add(

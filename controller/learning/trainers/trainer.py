@@ -151,28 +151,16 @@ class Trainer(ABC, Generic[Recipe]):
         )
 
     def training_error(
-        self,
-        recipe: Recipe,
-        lessons: Lessons,
-        frames: Mapping[str, Array],
-        seed: int,
-        judge: Judge,
-        readout_targets: Sequence[Array] | None = None,
+        self, recipe: Recipe, lessons: Lessons, frames: Mapping[str, Array], seed: int, judge: Judge
     ) -> TrainingError:
-        """Trains a recipe with a seed and measures it on the frames of each motion, in the encoding's units.
-
-        `readout_targets`, one (T, channels) a motion, replace the frames as targets of a conceptor network's readout.
-        """
-        dense = self.dense(recipe)
+        """Trains a recipe with a seed and measures it on the frames of each motion, in the encoding's units."""
+        dense: Any = recipe
+        if "anchor_every" in dense.__struct_fields__:  # one at every frame
+            dense = msgspec.structs.replace(dense, anchor_every=1)
         network = self.settle(dense, lessons, seed, judge).network
         errors = [self.error_of(dense, network, name, part) for name, part in frames.items()]
         size = self.readout_size(network, lessons.normalisation.scaling)
         return TrainingError(seed, size, float(np.mean(errors)), None, None, network)
-
-    def dense(self, recipe: Recipe) -> Recipe:
-        """The recipe with an anchor at every frame, where it sets them."""
-        own: Any = recipe
-        return msgspec.structs.replace(own, anchor_every=1) if "anchor_every" in own.__struct_fields__ else recipe
 
     def error_of(self, recipe: Any, network: Any, motion: str, frames: Array) -> float:
         """The NRMSE of a motion's readout at its anchors beside the frames (T, C) that it learned."""

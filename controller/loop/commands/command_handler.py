@@ -57,10 +57,8 @@ class CommandHandler:
         self._seen = stop.state.total
         if self._timed.waiting:
             self._carry_out_timed(stop)
-        second = self._second
-        if second.switches or second.looks:
-            second.reply_for_switches()
-            second.reply_for_looks()
+        if self._second.switches or self._second.looks:
+            self._second.reply()
         if self._listeners.known:
             self._listeners.check_heartbeats()
         events = self._deck.events

@@ -93,8 +93,8 @@ class SecondReplies:
         if outcome.progress is not None:
             self.switches.append((client, message.id, " + ".join(message.motions), outcome.progress))
 
-    def reply_for_switches(self) -> None:
-        """Replies for switches that have settled, were given up or overtaken."""
+    def reply(self) -> None:
+        """Replies for switches that have settled, were given up or overtaken, and with what servos have replied."""
         for _ in range(len(self.switches)):
             client, number, to, progress = waiting = self.switches.popleft()
             if progress.settled_s is not None:
@@ -105,9 +105,6 @@ class SecondReplies:
                 client.reply(Refused(f"another command has overtaken {to}", number))
             else:
                 self.switches.append(waiting)
-
-    def reply_for_looks(self) -> None:
-        """Replies with what servos have replied, or that they have not."""
         for _ in range(len(self.looks)):
             client, number, look, began = waiting = self.looks.popleft()
             answer: SecondReply | None

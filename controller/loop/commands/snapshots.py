@@ -32,9 +32,7 @@ class SnapshotSource:
     recognition: RecognitionState | None = None
     kept_apart: Callable[[], int] | None = None  # counts the ticks in which limbs were kept from colliding
     loop: LoopState | None = None
-    health: TickHealth | None = (
-        NO_HEALTH  # the last percentiles; None, set now and then, has the next snapshot take them
-    )
+    health: TickHealth | None = NO_HEALTH  # the last percentiles; None, set now and then, has the next take them
 
     def take(self, run: StopRequest | None = None) -> DeckSnapshot:
         """The present state of a run in this mode."""

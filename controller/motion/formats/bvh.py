@@ -19,7 +19,7 @@ from controller.motion.clip import AS_FOUND, Clip, Format, ReadingOptions
 from controller.motion.joint_tree import MOST_POSES, JointTree, clip_of, free_name, one_body, played
 from controller.motion.rotations import Array, about, multiply
 from motiondeck_base.errors import FileFormatError
-from motiondeck_base.files import Line, as_float, no_number, read_text, shortened
+from motiondeck_base.files import Line, read_text, shortened
 
 MOST_JOINTS = 1000  # without a bound a broken file could ask for any amount of memory
 LONGEST_PERIOD = 1.0  # s; a longer frame time is a rate written in its place
@@ -186,7 +186,10 @@ def _values(rows: str, at: int, width: int, announced: Line) -> Array:
         except (DeprecationWarning, ValueError):
             numbers = np.array([np.nan])
     if not np.isfinite(numbers).all():
-        raise _no_number(announced.path, rows, at)
+        for number, row in enumerate(rows.split("\n"), at + 1):
+            for word in row.split():
+                Line(announced.path, number, []).number_from(word)  # names the first that is none
+        raise FileFormatError(f"{announced.path}: a number cannot be read. Fetch the file again.")
     if width == 0 or len(numbers) == 0 or len(numbers) % width or len(numbers) < frames * width:
         raise announced.error(_frame_problem(rows, at, frames, width, len(numbers)))
     return numbers.reshape(-1, width)
@@ -205,15 +208,6 @@ def _frame_problem(rows: str, at: int, frames: float, width: int, count: int) ->
         if 0 < (here := len(row.split())) != width:
             return f"a frame has {width} channels, but line {number} has {here} numbers. {again}"
     return f"frames of {width} channels are announced, but {count} numbers follow. {again}"
-
-
-def _no_number(path: str | Path, rows: str, at: int) -> FileFormatError:
-    for number, row in enumerate(rows.split("\n"), at + 1):
-        for word in row.split():
-            value = as_float(word)
-            if value is None or not np.isfinite(value):
-                return Line(path, number, []).error(no_number(word))
-    return FileFormatError(f"{path}: a number cannot be read. Fetch the file again.")
 
 
 def _added(place: Array, joint: Joint) -> bool:

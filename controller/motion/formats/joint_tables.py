@@ -45,12 +45,10 @@ def read_joint_table(path: str | Path, options: ReadingOptions = AS_FOUND) -> Cl
     said = as_float(notes.get("rate", ""))
     names = options.renamed(tuple(joint for joint, _ in named), path)
     plays = next((one for one in get_args(Plays) if one == notes.get("plays")), None)
-    try:
-        # Times have few digits: the rate that is said is meant.
-        rate = said if said and (len(table) == 1 or abs(said - rate) < 1e-3 * rate) else rate
+    # Times have few digits: the rate that is said is meant.
+    rate = said if said and (len(table) == 1 or abs(said - rate) < 1e-3 * rate) else rate
+    with FileFormatError.placed(path, ". Are they degrees? Name columns so (jaw_deg)."):
         return taught_clip(Path(path).stem, names, rate, angles, Path(path).name, plays)
-    except FileFormatError as error:
-        raise FileFormatError(f"{path}: {error}. Are they degrees? Name columns so (jaw_deg).") from None
 
 
 _Wrong = Callable[[str], FileFormatError]

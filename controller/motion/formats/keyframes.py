@@ -96,10 +96,8 @@ def drawn_up(written: Keyframes, path: str | Path) -> Clip:
     joints = list(dict.fromkeys([*written.rest, *(joint for key in written.key for joint in key.values)]))
     courses = [_course(times, _keys_of(joint, written, length, path), written.plays) for joint in joints]
     angles = ANGLE_UNITS[written.unit] * np.stack(courses, axis=1)
-    try:
+    with FileFormatError.placed(path):
         return taught_clip(Path(path).stem, joints, frames / length, angles, Path(path).name, written.plays)
-    except FileFormatError as error:
-        raise FileFormatError(f"{path}: {error}") from None
 
 
 _Keys = dict[float, tuple[float, Easing]]

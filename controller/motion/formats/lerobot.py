@@ -46,10 +46,8 @@ def read_episode(path: str | Path, options: ReadingOptions = AS_FOUND) -> Clip:
     labels = options.renamed(tuple(names[place].removesuffix(".pos") for place in joints), path)
     lines = [Line(path, row, []) for row in range(1, len(frame) + 1)]
     _, angles = even_times(frame / rate, options.unit * values[:, joints], lines)
-    try:
+    with FileFormatError.placed(path, ". Is the unit right?"):
         return taught_clip(name, labels, rate, angles, Path(path).name)
-    except FileFormatError as error:
-        raise FileFormatError(f"{path}: {error}. Is the unit right?") from None
 
 
 def _described(path: Path) -> tuple[str, list[str], float]:

@@ -63,10 +63,8 @@ def read_robot_motion(path: str | Path, options: ReadingOptions = AS_FOUND) -> C
     if not np.isfinite(angles).all():
         frame = int(np.argmin(np.isfinite(angles).all(axis=1)))
         raise FileFormatError(f"{path}: frame {frame} lacks an angle. Fill the gap.")
-    try:
+    with FileFormatError.placed(path, ". Are the angles in degrees? Write rad."):
         return taught_clip(Path(path).stem, names, rate, angles[:, kept], Path(path).name)
-    except FileFormatError as error:
-        raise FileFormatError(f"{path}: {error}. Are the angles in degrees? Write rad.") from None
 
 
 def _arrays(path: str | Path) -> tuple[list[str] | None, float, Array]:

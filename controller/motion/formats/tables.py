@@ -1,6 +1,5 @@
 """Tables of numbers in text files: columns that commas, semicolons or tabs separate, at even or uneven times."""
 
-import math
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -9,10 +8,11 @@ import numpy as np
 from controller.motion.clip import FARTHEST, MOST_NUMBERS, between_rows
 from controller.motion.rotations import Array
 from motiondeck_base.errors import FileFormatError
-from motiondeck_base.files import Line, as_float, no_number, read_lines
+from motiondeck_base.files import Line, read_lines
 
 LONGEST_GAP = 0.5  # s without a frame
 TIMES = ("time_s", "time", "time (s)", "time [s]", "timestamp", "seconds", "t")  # names of the first column
+_LATEST = 1e300  # s
 _SNIFFED = 1 << 16  # bytes read to identify a table
 
 
@@ -71,13 +71,7 @@ def numbers(
 def _numbers_of(line: Line, count: int, largest: float) -> list[float]:
     if len(line.words) != count:
         raise line.error(f"{len(line.words)} values, but the first line names {count}. (Decimals have a dot.)")
-    numbers: list[float] = []
-    for column, word in enumerate(line.words):
-        value = math.nan if not word.strip() else as_float(word)
-        if value is None or math.isinf(value) or (column > 0 and abs(value) > largest):
-            raise line.error(no_number(word))
-        numbers.append(value)
-    return numbers
+    return [*line.numbers_or_gaps(line.words[:1], _LATEST), *line.numbers_or_gaps(line.words[1:], largest)]
 
 
 def even_times(time: Array, position: Array, lines: list[Line]) -> tuple[float, Array]:

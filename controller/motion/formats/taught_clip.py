@@ -58,10 +58,8 @@ def read_taught_clip(path: str | Path, options: ReadingOptions = AS_FOUND) -> Cl
         raise FileFormatError(f"{path}: its header names no joints")
     angles = stored.take("angles", stored.size("angles"), len(header.joints), kind=np.float64)
     stored.finish()
-    try:
+    with FileFormatError.placed(path):
         return taught_clip(header.name, header.joints, header.rate, angles, header.source, header.plays)
-    except FileFormatError as error:
-        raise FileFormatError(f"{path}: {error}") from None
 
 
 def rounded(clip: Clip) -> Array:

@@ -98,13 +98,9 @@ def read_c3d(path: str | Path, options: ReadingOptions = AS_FOUND) -> Markers:
         raise FileFormatError(f"{path}: no point was ever seen in this file. Give another recording.")
     up = _text(form.parameters, "POINT:Y_SCREEN").lower().lstrip("+")
     labels = _labels(form.parameters, form.points)
-    return Markers(
-        options.renamed(labels, path) if options.rename else labels,
-        form.rate,
-        position,
-        options.up or (up if up in ("x", "y", "z") else None),
-        Path(path).name,
-    )
+    labels = options.renamed(labels, path) if options.rename else labels
+    up = options.up or (up if up in ("x", "y", "z") else None)
+    return Markers(labels, form.rate, position, up, Path(path).name)
 
 
 def seen_points(content: bytes, form: C3dLayout) -> Array:

@@ -165,8 +165,7 @@ def _trunk(seen: Landmarks, root: Array) -> dict[str, Array]:
 
 def _arm(seen: Landmarks, side: str, sign: float, left: Array, up: Array) -> dict[str, Array]:
     """Shoulder, elbow, wrist and, where it has a marker, hand; nothing if one of the three is missing."""
-    one, other = ("one side of the wrist", side), ("other side of the wrist", side)
-    wrist = _mean(seen, one, other)
+    wrist = _mean(seen, ("one side of the wrist", side), ("other side of the wrist", side))
     wrist = seen.get(("wrist", side)) if wrist is None else wrist
     elbow = seen.get(("outside of the elbow", side))
     if wrist is None or elbow is None or ("shoulder", side) not in seen:
