@@ -28,11 +28,6 @@ class EmulatorProcess:
     def __exit__(self, *_: object) -> None:
         self.stop()
 
-    @property
-    def pid(self) -> int:
-        """Its process id."""
-        return self._process.pid
-
     def stop(self) -> None:
         """Ends the emulator; may be called twice."""
         self._process.kill()

@@ -68,7 +68,7 @@ class RigConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             if joint.table.baud_value(self.baud) is None:
                 raise ValueError(f"joint {number} ({joint.name}): model '{joint.model}' cannot do {self.baud} baud")
         for port in self.ports:
-            self._refuse_doubles("id", [self._ids(one) if self._port_of(one) == port else () for one in self.joints])
+            self._refuse_doubles("id", self._ids(port))
         self._refuse_doubles("name", [(joint.name,) for joint in self.joints])
 
     @property
@@ -140,11 +140,10 @@ class RigConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     def _port_of(self, joint: RigJoint) -> str:
         return joint.port or self.port
 
-    @staticmethod
-    def _ids(joint: RigJoint) -> tuple[int, ...]:
-        return (joint.id,) if joint.second is None else (joint.id, joint.second.id)
+    def _ids(self, port: str) -> list[list[int]]:
+        return [[servo.id for servo in one.servos if self._port_of(one) == port] for one in self.joints]
 
-    def _refuse_doubles(self, key: str, values: Sequence[tuple[object, ...]]) -> None:
+    def _refuse_doubles(self, key: str, values: Sequence[Sequence[object]]) -> None:
         twice = [value for value, count in Counter(one for own in values for one in own).items() if count > 1]
         if twice:
             where = ", ".join(

@@ -90,23 +90,18 @@ class RigJoint(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
                 raise ValueError(f"model '{self.model}' needs no homing_offset: leave it out")
             if abs(self.homing_offset) > (most := self.table["homing_offset"].largest):
                 raise ValueError(f"homing_offset is {self.homing_offset}; model '{self.model}' takes -{most} to {most}")
-        self._refuse_too_small_limits()
-        self._refuse_unknown_gains()
-        self._refuse_far_limits()
-        if self.second is not None:
-            _ = self.servos
-
-    def _refuse_too_small_limits(self) -> None:
-        """Raises ValueError for a limit below one count of its register, in which 0 means no limit."""
-        for key, value, unit, name, gear in (
+        for key, value, unit, register, gear in (
             ("velocity", self.velocity, "rad/s", "profile_velocity", self.gear),
             ("acceleration", self.acceleration, "rad/s^2", "profile_acceleration", self.gear),
             ("current", self.current, "A", "current_limit", 1.0),
-        ):
-            if value and value < (least := self.table[name].si / gear):
+        ):  # in a register 0 means no limit
+            if value and value < (least := self.table[register].si / gear):
                 raise ValueError(f"{key} is {value:g} {unit}; the least that '{self.model}' can keep is {least:.3g}")
-
-    def _refuse_far_limits(self) -> None:
+        for name, gain in self.gains.items():
+            if name not in self.table.registers:
+                raise ValueError(f"model '{self.model}' has no {name}: leave it out")
+            if gain > (most := self.table[name].maximum):
+                raise ValueError(f"{name} is {gain}; the most that model '{self.model}' takes is {most}")
         if max(abs(self.lower), abs(self.upper)) > _FARTHEST:
             raise ValueError(f"limits {self.lower} to {self.upper} rad are beyond two turns of the joint: give radians")
         if not self.in_one_turn and EXTENDED_MODE not in self.modes:
@@ -115,13 +110,8 @@ class RigJoint(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
                 f"limits {self.lower} to {self.upper} rad with zero {self.zero} reach from {low:.0f} to {high:.0f} "
                 f"pulses, outside the servo's one turn ({bottom} to {top}), and model '{self.model}' counts no turns"
             )
-
-    def _refuse_unknown_gains(self) -> None:
-        for name, gain in self.gains.items():
-            if (register := self.table.registers.get(name)) is None:
-                raise ValueError(f"model '{self.model}' has no {name}: leave it out")
-            if gain > register.maximum:
-                raise ValueError(f"{name} is {gain}; the most that model '{self.model}' takes is {register.maximum}")
+        if self.second is not None:
+            _ = self.servos
 
     @property
     def gains(self) -> dict[str, int]:

@@ -50,7 +50,9 @@ class LearnOptions:
         bool, Option("--allow-failing", help="Write a recipe's library even if a motion fails its self-test.")
     ] = False
     play: Annotated[bool, Option("--play", help="Play the first motion afterwards.")] = False
-    robot: Annotated[str | None, Option(metavar="ROBOT", help="Say which motions it plays; --play plays them.")] = None
+    robot: Annotated[
+        str | None, Option(metavar="ROBOT", help="Say which motions this robot plays; --play plays them on it.")
+    ] = None
     physical: Annotated[
         bool, Option("--physical", help="Learn what --robot does on its own feet, as `retarget --physical` finds it.")
     ] = False

@@ -61,8 +61,10 @@ def list_libraries(as_json: JsonOption = False) -> None:
 @app.command("show")
 def show(
     library: LibraryArgument,
-    recording: Annotated[Path | None, Argument(metavar="[RECORDING]", help="Judge its motions anew by it.")] = None,
-    robot: Annotated[str | None, Option(metavar="ROBOT", help="Say which motions it plays, like `preflight`.")] = None,
+    recording: Annotated[
+        Path | None, Argument(metavar="[RECORDING]", help="Judge the motions of this recording anew by it.")
+    ] = None,
+    robot: Annotated[str | None, Option(metavar="ROBOT", help="Say what this robot plays, like `preflight`.")] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Show the motions, the network, and the origin of a library.
@@ -203,13 +205,13 @@ def add(
         seam = f", seam {seam_of(found.part)}" if found.part.seam_mm is not None else ""
         print(f"{name}: {part_of(found.part)}{seam}")
     fields = {"learned_from": part_fields(found.part)}
-    _write_added(found.library, target, fields, allow_failing, as_json, "Train all motions together with learn")
+    _write(found.library, target, fields, allow_failing, as_json, "Train all motions together with learn")
 
 
-def _write_added(
-    library: MotionLibrary, target: Path, fields: dict[str, Any], allow_failing: bool, as_json: bool, else_: str
+def _write(
+    library: MotionLibrary, target: Path, fields: dict[str, Any], allow_failing: bool, as_json: bool, else_: str = ""
 ) -> None:
-    """Writes a library with a new motion, its last, unless that failed; MotiondeckError if it did."""
+    """Writes a changed library, unless its last motion, a new one, failed; MotiondeckError if it did."""
     from controller.library.motion_library import save_library
     from motiondeck.cli.common.library_report import report
 
@@ -261,7 +263,7 @@ def morph(
         print("similar to " + ", ".join(f"{other} {value:.2f}" for other, value in alike))
     names = "activity", "jerk", "aperture", "similarity"
     fields = {one: getattr(found, one) for one in names}
-    _write_added(found.library, target, fields, allow_failing, as_json, "Try other shares or motions")
+    _write(found.library, target, fields, allow_failing, as_json, "Try other shares or motions")
 
 
 @app.command("remove")
@@ -277,17 +279,14 @@ def remove(
 
     Example:  motiondeck library remove my.safetensors skip
     """
-    from controller.library.motion_library import load_library, save_library, without_motion
-    from motiondeck.cli.common.library_report import print_table, report
+    from controller.library.motion_library import load_library, without_motion
+    from motiondeck.cli.common.library_report import print_table
 
     path, target = _to_change(library, out)
     kept = without_motion(load_library(path), motion)
-    save_library(kept, target)
-    if as_json:
-        print(json.dumps(report(kept) | {"written": str(target)}))
-        return
-    print_table(kept)
-    print(f"wrote {target} ({target.stat().st_size / 1e6:.1f} MB)")
+    if not as_json:
+        print_table(kept)
+    _write(kept, target, {}, True, as_json)
 
 
 def _to_change(library: str, out: Path | None) -> tuple[Path, Path]:

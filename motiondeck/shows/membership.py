@@ -103,14 +103,15 @@ def with_certificates(folder: Path, *, listens: bool = True) -> Membership:
         members = sorted(str(found.parent) for found in folder.glob(f"*/{MEMBER_FILE}"))
         what = "no folder of one member" if folder.is_dir() else "there is no such folder"
         which = f", such as {' or '.join(members)}" if members else ""
-        raise MotiondeckError(f"{folder}: {what}; give what `motiondeck fleet certificates` made for this one{which}")
+        raise MotiondeckError(f"{folder}: {what}; `motiondeck fleet certificates` makes one for each{which}")
     file = read_toml(path, MemberFile)
     try:
         for what, name in (("show", file.show), *(("member of a show", name) for name in file.members)):
             check_name(name, what)
-        endpoints = {name: tls_endpoint(address) for name, address in file.members.items()}
+        places = {name: host_and_port(address) for name, address in file.members.items()}
     except MotiondeckError as error:
         raise FileFormatError(f"{path}: {error}") from None
+    endpoints = {name: f"tls/{f'[{host}]' if ':' in host else host}:{port}" for name, (host, port) in places.items()}
     if file.name not in endpoints:
         raise FileFormatError(f"{path}: its own name '{file.name}' is not among its members")
     for needed in (AUTHORITY, CERTIFICATE, KEY):
@@ -132,12 +133,6 @@ def host_and_port(address: str) -> tuple[str, int]:
     if not host or re.search(r"[\s/#?\[\]]", host) or not 0 < int(port) < 65536:
         raise MotiondeckError(f"'{address}' is no address: give HOST or HOST:PORT, such as 192.168.1.20:{PORT}")
     return host, int(port)
-
-
-def tls_endpoint(address: str) -> str:
-    """An address as zenoh writes it; raises a MotiondeckError if it is none."""
-    host, port = host_and_port(address)
-    return f"tls/[{host}]:{port}" if ":" in host else f"tls/{host}:{port}"
 
 
 def _show_folder(show: str) -> Path:

@@ -76,7 +76,7 @@ def _arrays(path: str | Path) -> tuple[list[str] | None, float, Array]:
     if names is not None and angles.shape[1] == len(names) + _ROOT:  # qpos
         angles = angles[:, _ROOT:]
     if names is None and _breadth_first(arrays):
-        raise FileFormatError(f"{path}: its joints are in Isaac Lab's order, side by side. Add an array 'joint_names'.")
+        raise FileFormatError(f"{path}: its joints are in Isaac Lab's order. Add an array 'joint_names'.")
     return None if names is None else [*names], arrays.rate(), angles
 
 

@@ -242,19 +242,15 @@ class Health:
         self, measured: Measurements, down: Mask, hot: Mask, silent: Mask, restless: Mask, apart: Mask
     ) -> None:
         for index in np.flatnonzero(self.fatal).tolist():
-            if down[index]:
-                reason = f"has shut down: {describe_errors(int(measured.errors[index]))}"
-            elif hot[index]:
-                reason = f"is too hot: {_heat(measured, index)}"
-            elif silent[index]:
-                reason = "does not answer"
-            elif restless[index]:
-                reason = "keeps restarting"
-            elif apart[index]:
-                reason = f"has two servos that are {measured.apart[index]:.2f} rad apart"
-            else:
-                reason = "does not follow its target, although it was set up anew"
-            self._reason[index] = reason
+            reasons = (
+                (down, f"has shut down: {describe_errors(int(measured.errors[index]))}"),
+                (hot, f"is too hot: {_heat(measured, index)}"),
+                (silent, "does not answer"),
+                (restless, "keeps restarting"),
+                (apart, f"has two servos that are {measured.apart[index]:.2f} rad apart"),
+            )
+            else_ = "does not follow its target, although it was set up anew"
+            self._reason[index] = next((reason for found, reason in reasons if found[index]), else_)
 
 
 def _heat(measured: Measurements, index: int) -> str:

@@ -317,28 +317,18 @@ def _fill_markers(file: Path, out: Path, as_json: bool) -> None:
 
 
 def _by_marker(markers: Markers, gaps: list[Gap]) -> list[dict[str, Any]]:
-    by_marker: dict[int, list[Gap]] = {}
-    for gap in gaps:
-        by_marker.setdefault(gap.marker, []).append(gap)
-    return [
-        {
-            "marker": markers.labels[index],
-            "gaps": len(own),
-            "frames": sum(gap.frames for gap in own),
-            "longest_s": max(gap.frames for gap in own) / markers.rate,
-            "expected_mm": _mean_mm(own),
-            "by": sorted({gap.by for gap in own if gap.by is not None}),
-            "open": [[gap.first, gap.end] for gap in own if not gap.filled],
-        }
-        for index, own in by_marker.items()
-    ]
-
-
-def _mean_mm(gaps: list[Gap]) -> float | None:
-    known = [(gap.expected, gap.frames) for gap in gaps if gap.expected is not None]
-    if not known:
-        return None
-    return 1e3 * sum(expected * frames for expected, frames in known) / sum(frames for _, frames in known)
+    rows: list[dict[str, Any]] = []
+    for index in dict.fromkeys(gap.marker for gap in gaps):
+        own = [gap for gap in gaps if gap.marker == index]
+        known = [(gap.expected, gap.frames) for gap in own if gap.expected is not None]
+        mean = sum(error * frames for error, frames in known) / max(1, sum(frames for _, frames in known))
+        row: dict[str, Any] = {"marker": markers.labels[index], "gaps": len(own)}
+        row |= {"frames": sum(gap.frames for gap in own)}
+        row |= {"longest_s": max(gap.frames for gap in own) / markers.rate}
+        row |= {"expected_mm": 1e3 * mean if known else None}
+        row |= {"by": sorted({gap.by for gap in own if gap.by is not None})}
+        rows.append(row | {"open": [[gap.first, gap.end] for gap in own if not gap.filled]})
+    return rows
 
 
 def _print_gaps(rows: list[dict[str, Any]]) -> None:

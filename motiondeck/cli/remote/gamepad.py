@@ -180,7 +180,7 @@ def drive(device: InputDevice[str], client: CommandClient) -> None:
 
 
 def gamepad(
-    device: Annotated[Path | None, Option(metavar="FILE", help="As /dev/input/event7; default: the first.")] = None,
+    device: Annotated[Path | None, Option(metavar="FILE", help="/dev/input/eventN; default: first gamepad.")] = None,
     command_port: CommandPort = DEFAULT_PORT,
 ) -> None:
     """Command the running deck with a gamepad.
@@ -195,7 +195,8 @@ def gamepad(
     client = CommandClient(command_port)
     try:
         print(
-            "cross: motion, left stick: tempo, A: pause, B: emergency stop, Y: reset, X: home, R: a beat, Start: stop"
+            "cross: motion, left stick: tempo, A: pause, B: emergency stop, Y: reset, X: home, "
+            "right shoulder: tap a beat, Start: stop"
         )
         drive(pad, client)
     except KeyboardInterrupt:

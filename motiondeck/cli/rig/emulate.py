@@ -24,8 +24,8 @@ def emulate(
     rig: RigArgument,
     fault: Annotated[list[str] | None, Option(metavar="FAULT", help="KIND[:key=value,...]; `help` lists them.")] = None,
     link: Annotated[Path | None, Option(metavar="FILE", help="A link to the port that outlives replugging.")] = None,
-    robot: Annotated[str | None, Option(metavar="ROBOT", help="The body that the servos turn.")] = None,
-    root: Annotated[Literal["fixed", "free"] | None, Option(help="With --robot: fixed in the air, or free.")] = None,
+    robot: Annotated[str | None, Option(metavar="ROBOT", help="The body that servos turn: a file or a name.")] = None,
+    root: Annotated[Literal["fixed", "free"] | None, Option(help="With --robot: fixed (default), or free.")] = None,
     record: Annotated[Path | None, Option(metavar="FILE", help="Record where the shafts really are.")] = None,
     fresh: Annotated[bool, Option("--fresh", help="Only the first servo, as new: id 1, 57600 baud.")] = False,
 ) -> None:

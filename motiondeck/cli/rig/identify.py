@@ -18,13 +18,12 @@ from motiondeck_base.errors import MotiondeckError, UnknownNameError
 
 if TYPE_CHECKING:
     from hardware.rig.rig_file import RigConfig
-    from hardware.rig.supervision.rig import Rig
     from hardware.tools.identify import Response
 
 
 def identify(
     rig: RigArgument,
-    joint: Annotated[list[str] | None, Option(metavar="JOINT", help="Only this joint; repeatable.")] = None,
+    joint: Annotated[list[str] | None, Option(metavar="JOINT", help="One joint; repeatable. Default: all.")] = None,
     port: PortOption = None,
     out: Annotated[Path | None, Option(metavar="FILE", help="Write here instead of into the rig file itself.")] = None,
     dry_run: Annotated[bool, Option("--dry-run", help="Measure and print; write nothing.")] = False,
@@ -73,6 +72,7 @@ def _measure(
     """Identifies these joints and tells each result; exit code 130 (143) if a signal has stopped it."""
     import msgspec
 
+    from hardware.rig.supervision.rig import Rig
     from hardware.tools.identify import JointTrials, Stopped
 
     found: dict[str, Response] = {}
@@ -80,7 +80,7 @@ def _measure(
     received: list[int] = []
     end = signal.SIGINT, signal.SIGTERM, signal.SIGHUP
     with handled(lambda number, frame: received.append(number), *end):
-        rig = open_rig(config, ports)
+        rig = Rig.connect(config, ports)
         try:
             run = JointTrials(rig, now=time.monotonic, sleep=time.sleep, asked=lambda: bool(received))
             say(f"{'joint':<18} {'lag':>6} {'gain':>5} {'friction':>9}   off its targets, mrad RMS: now, one lag ahead")
@@ -97,10 +97,3 @@ def _measure(
             if unconfirmed := rig.close():
                 aside(f"motiondeck: torque may still be on: {', '.join(unconfirmed)}. Cut the power.")
     return found
-
-
-def open_rig(config: RigConfig, ports: list[str]) -> Rig:
-    """Switches the rig on."""
-    from hardware.rig.supervision.rig import Rig
-
-    return Rig.connect(config, ports)

@@ -105,7 +105,9 @@ def show(robot: RobotArgument, as_json: JsonOption = False) -> None:
 def calibrate(
     model: Annotated[str, Argument(metavar="MODEL", help="An MJCF or URDF file, or a name of the catalogue.")],
     out: Annotated[Path | None, Option(metavar="FILE", help="The robot file; by default NAME.toml.")] = None,
-    package: Annotated[list[str] | None, Option(metavar="NAME=DIR", help="A package of the URDF's meshes.")] = None,
+    package: Annotated[
+        list[str] | None, Option(metavar="NAME=DIR", help="The folder of a package that a URDF's meshes are named by.")
+    ] = None,
     force: Annotated[bool, Option("--force", help="Replace an existing robot file.")] = False,
     picture: Annotated[Path | None, Option(metavar="FILE", help="Draw robot and human side by side (.png).")] = None,
     view: Annotated[bool, Option("--view", help="Show robot and human side by side in the browser.")] = False,

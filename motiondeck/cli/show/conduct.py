@@ -42,7 +42,7 @@ _PAGE_EVERY = 0.2  # s between two states for the page
 def conduct(
     file: Annotated[Path, Argument(metavar="SHOW.toml", help="The show file.")],
     certificates: Annotated[
-        Path | None, Option(metavar="FOLDER", help="The folder of `fleet certificates`, for decks on other machines.")
+        Path | None, Option(metavar="FOLDER", help="Conductor's folder of `fleet certificates`, for decks elsewhere.")
     ] = None,
     begin_at: Annotated[str | None, Option("--from", metavar="CUE", help="Begin at this cue (name or number).")] = None,
     stop: Annotated[bool, Option("--stop", help="Emergency stop of all decks, with or without a conductor.")] = False,

@@ -58,7 +58,8 @@ def read_trc(path: str | Path, options: ReadingOptions = AS_FOUND) -> Markers:
     # A cropped recording keeps the number in line 3; a broken transfer ends within a line.
     if len(position) == 0 or (len(position) < announced and words[-1] < words[0]):
         raise FileFormatError(
-            f"{path}: {announced:g} frames are announced, but {len(position)} follow, and the last line is cut short."
+            f"{path}: {announced:g} frames are announced, but {len(position)} follow, and the last line is cut short. "
+            "Fetch it again."
         )
     if np.isnan(position).all():
         raise FileFormatError(f"{path}: no marker was ever seen ({listed(names)}). Give another recording.")

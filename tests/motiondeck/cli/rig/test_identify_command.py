@@ -71,7 +71,7 @@ def bench(tmp_path, monkeypatch):
     def open_rig(config, ports):
         return Rig(config, lambda part: Bus(bench.port, part.baud), False, sleep=elapse, turns=lambda part: None)
 
-    monkeypatch.setattr("motiondeck.cli.rig.identify.open_rig", open_rig)
+    monkeypatch.setattr(Rig, "connect", open_rig)
     monkeypatch.setattr("motiondeck.cli.rig.identify.time", SimpleNamespace(monotonic=bench.port.now, sleep=elapse))
     return bench
 
