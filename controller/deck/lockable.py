@@ -4,8 +4,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 
 from controller.deck.locks.body_lock import BodyLock, Measured
-from controller.deck.locks.phase_lock import LoopPlace, PhaseLock
-from controller.deck.locks.references import Beats, Leader, OtherDeck, Person
+from controller.deck.locks.phase_lock import Beats, Leader, LoopPlace, OtherDeck, Person, PhaseLock
 from controller.deck.tempo import TEMPO_RATE, Paced
 from controller.motion.rotations import Array
 from controller.wire.messages.arguments import AGO, PHASE, STEPS, TEMPO
@@ -28,8 +27,6 @@ class Lockable(Paced, ABC):
     def __init__(self) -> None:
         super().__init__()
         self._lock: BodyLock | PhaseLock | None = None
-        self._beats: Beats | None = None
-        self._person: Person | None = None
 
     def attach(
         self,
@@ -70,25 +67,25 @@ class Lockable(Paced, ABC):
         PHASE.check(phase)
         STEPS.check(steps)
         self.require_phase()
-        beats = person = None
         if source == "body":
             if self.measured is None:
                 raise MotiondeckError("this deck has no joints that are measured")
-            lock = BodyLock(self.measured)
+            self._lock = BodyLock(self.measured)
         elif source == "deck":
             if self.leader is None:
                 raise MotiondeckError("this deck sees no other deck; start it with: motiondeck play --lock-to PORT")
-            lock = PhaseLock(OtherDeck(self.leader, phase), TEMPO_RATE)
-        elif source == "person":
-            lock = PhaseLock(person := Person(), TEMPO_RATE)
+            self._lock = PhaseLock(OtherDeck(self.leader, phase), TEMPO_RATE)
         else:
-            lock = PhaseLock(beats := Beats(phase, steps), TEMPO_RATE)
-        self._lock, self._beats, self._person = lock, beats, person
+            self._lock = PhaseLock(Person() if source == "person" else Beats(phase, steps), TEMPO_RATE)
 
     def unlock(self) -> None:
         """Plays at the commanded tempo again."""
-        self._lock = self._beats = self._person = None
+        self._lock = None
         super().set_tempo(self.commanded_tempo)
+
+    @property
+    def _source(self) -> Beats | OtherDeck | Person | None:
+        return self._lock.source if isinstance(self._lock, PhaseLock) else None
 
     def beat(self, ago: float = 0.0) -> None:
         """Takes a beat of `ago` seconds ago, from -2 (still to come) to 2; without a lock to beats it begins one.
@@ -96,10 +93,11 @@ class Lockable(Paced, ABC):
         CommandError if the time is out of its range. MotiondeckError if the network runs by itself.
         """
         AGO.check(ago)
-        if self._beats is None:
+        if not isinstance(self._source, Beats):
             self.lock("beat")
-        assert self._beats is not None, "locked to beats"
-        self._beats.clock.beat(self._clock() - ago)
+        beats = self._source
+        assert isinstance(beats, Beats), "locked to beats"
+        beats.clock.beat(self._clock() - ago)
 
     def see_person(self, motion: str, phase: float, tempo: float, ago: float) -> bool:
         """Takes where a person was `ago` seconds ago; whether this deck is locked to them.
@@ -108,9 +106,9 @@ class Lockable(Paced, ABC):
         """
         for number, value in ((PHASE, phase), (TEMPO, tempo), (AGO, ago)):
             number.check(value)
-        if self._person is not None:
-            self._person.see(self._clock() - ago, motion, phase, tempo)
-        return self._person is not None
+        if isinstance(person := self._source, Person):
+            person.see(self._clock() - ago, motion, phase, tempo)
+        return isinstance(person, Person)
 
     def _clock(self) -> float:
         return self.due() if self.due is not None else self.time
@@ -118,8 +116,8 @@ class Lockable(Paced, ABC):
     def set_tempo(self, factor: float, over: float = 0.0) -> None:
         """Plays at another tempo, reached within `over` seconds; it ends a lock to beats or to another deck."""
         super().set_tempo(factor, over)
-        if self._lock is not None and self._lock.owns_tempo:
-            self._lock = self._beats = self._person = None
+        if isinstance(self._lock, PhaseLock):
+            self._lock = None
 
     def _note(self, targets: Array) -> None:
         if isinstance(self._lock, BodyLock) and (playhead := self._playhead(self.time)) is not None:

@@ -115,7 +115,6 @@ class BodyLock:
     """Steers the tempo by how far the measured joints are behind."""
 
     rate = 5.0  # of change of the tempo, 1/s
-    owns_tempo = False  # the commanded tempo is where it starts from
 
     def __init__(self, measured: Measured) -> None:
         self._measured = measured

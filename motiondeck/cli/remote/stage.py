@@ -58,8 +58,7 @@ def stage(
     from controller.deck.person_follower import PersonFollower
     from controller.library.motion_library import load_library
     from motiondeck.stage.bridge import Bridge
-    from motiondeck.stage.midi import MidiInput
-    from motiondeck.stage.midi_port import MidiGoneError, open_midi_port
+    from motiondeck.stage.midi import MidiGoneError, MidiInput, open_midi_port
     from motiondeck.stage.osc import OscInput, OscOutput
     from motiondeck.stage.stage_file import read_stage
     from motiondeck.stage.tracker import TrackerInput

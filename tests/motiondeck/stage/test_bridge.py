@@ -24,8 +24,7 @@ from controller.wire.messages.commands import GiveBeat
 from controller.wire.messages.replies import Accepted, Refused
 from motiondeck.stage.bridge import Bridge
 from motiondeck.stage.command_pattern import CommandPattern
-from motiondeck.stage.midi import MidiInput
-from motiondeck.stage.midi_port import MidiGoneError, open_midi_port
+from motiondeck.stage.midi import MidiGoneError, MidiInput, open_midi_port
 from motiondeck.stage.osc import OscInput, OscOutput
 from motiondeck.stage.stage_file import MidiMap
 from motiondeck.stage.timecode import Timecode

@@ -145,7 +145,7 @@ def test_without_the_extra_the_error_names_it(monkeypatch, tmp_path, module, tex
 
 @pytest.mark.parametrize(("devices", "says"), [((), "There are none"), (("midiC1D0", "midiC2D0"), "midiC2D0")])
 def test_a_raw_device_that_is_not_there_is_one_line_with_those_that_are(monkeypatch, tmp_path, devices, says):
-    monkeypatch.setattr("motiondeck.stage.midi_port.RAW_DEVICES", tmp_path)
+    monkeypatch.setattr("motiondeck.stage.midi.RAW_DEVICES", tmp_path)
     for device in devices:
         (tmp_path / device).touch()
     with StandIn() as deck:

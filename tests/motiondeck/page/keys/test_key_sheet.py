@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from controller.motion.encodings.joint_angles import angles_of
 from controller.motion.formats.keyframes import EASINGS, Keyframes, read_keyframes
-from motiondeck.page.keys.key_sheet import KeySheet
+from motiondeck.page.keys.draft import KeySheet
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.toml_file import read_toml
 
