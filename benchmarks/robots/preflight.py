@@ -43,7 +43,7 @@ def main() -> None:
                 gantry = Preflight(robot, robot.limits, SafetyEnvelope, "gantry")
                 said = {f.check: f.ok for f in gantry.static.findings(played, hanging, tempo)}
                 said |= {f.check: f.ok for f in free.static.standing(hanging, tempo)}
-                done = {f.check: f.ok for f in free.physics.findings(played, tempo)}
+                done = {f.check: f.ok for f in free.simulated(played, tempo)}
                 rows.append(
                     {
                         "motion": played.name,

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
+import msgspec
 import numpy as np
 
 from sim.robots.fidelity import Carried
@@ -39,17 +40,11 @@ def segment_angles(robot: Robot, directions: LimbDirections, carried: Carried, r
     return found
 
 
-def carried_findings(robot: Robot, directions: LimbDirections, carried: Carried, rate: float) -> list[Finding]:
-    """The findings, the worst of each check, of a motion at a rate, Hz."""
-    return findings_of(robot, directions, carried, segment_angles(robot, directions, carried, rate))
-
-
-def findings_of(
+def carried_findings(
     robot: Robot, directions: LimbDirections, carried: Carried, angles: Mapping[str, SegmentAngle]
 ) -> list[Finding]:
-    """The same, of known angles of the segments."""
-    causes = {name: off.cause for name, off in angles.items() if off.cause is not None}
-    found = limb_findings({name: (off.mean, off.worst) for name, off in angles.items()}, causes)
+    """The findings, the worst of each check, of a motion with these angles of its segments."""
+    found = limb_findings(angles)
     trunk = directions.trunk_errors(carried.qpos, carried.limbs)
     leaning = float(trunk.mean()), float(np.max(trunk))
     if not robot.has_legs:  # it leans with its waist alone
@@ -67,15 +62,15 @@ def joint_findings(counts: Mapping[str, float]) -> list[Finding]:
     ]
 
 
-def limb_findings(off: Mapping[str, tuple[float, float]], causes: Mapping[str, str]) -> list[Finding]:
-    """Those of limbs alone, from the mean and worst angle of each segment, degrees, and the cause of a limb's."""
+def limb_findings(angles: Mapping[str, SegmentAngle]) -> list[Finding]:
+    """Those of limbs alone."""
     worst: dict[str, Finding] = {}
-    for name, angles in off.items():
-        found = _angle("carried wrongly", angles, (MEAN_LIMIT, WORST_LIMIT), name)
-        if not found.ok and causes.get(name, found.check) == "out of reach":
-            found = Finding("out of reach", angles[0], REACH_LIMIT, "deg", name, ok=angles[0] <= REACH_LIMIT)
-        elif not found.ok:
-            found = _angle(causes.get(name, found.check), angles, (MEAN_LIMIT, WORST_LIMIT), name)
+    for name, off in angles.items():
+        found = _angle("carried wrongly", (off.mean, off.worst), (MEAN_LIMIT, WORST_LIMIT), name)
+        if not found.ok and off.cause == "out of reach":
+            found = limited("out of reach", off.mean, REACH_LIMIT, "deg", name)
+        elif not found.ok and off.cause is not None:
+            found = msgspec.structs.replace(found, check=off.cause)
         if found.check not in worst or _share(found) > _share(worst[found.check]):
             worst[found.check] = found
     return [*worst.values()]
@@ -85,7 +80,7 @@ def _angle(check: str, angles: tuple[float, float], limits: tuple[float, float],
     """A mean and a worst angle, degrees, by the one that is nearer to its limit."""
     (mean, worst), (mean_limit, worst_limit) = angles, limits
     value, limit = (mean, mean_limit) if mean / mean_limit >= worst / worst_limit else (worst, worst_limit)
-    return Finding(check, value, limit, "deg", where, ok=value <= limit)
+    return limited(check, value, limit, "deg", where)
 
 
 def _share(finding: Finding) -> float:

@@ -23,7 +23,7 @@ from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.files import write_file
 from motiondeck_base.jobs import EVERY_CORE, Jobs, spread
 from sim.models.robot_file import Solver
-from sim.robots.carried_findings import carried_findings, joint_findings
+from sim.robots.carried_findings import carried_findings, joint_findings, segment_angles
 from sim.robots.fidelity import floor_measures, followed, joint_measures
 from sim.robots.joint_motion import JointMotion, retargeted
 from sim.robots.limb_directions import LimbDirections
@@ -210,8 +210,9 @@ def _carried_at(
     floor = {"slide": 0.0, "sunk": 0.0}
     if file.parts:
         directions = LimbDirections(robot.model, file.parts, np.array(file.root_rotation))
-        limbs = directions.errors(carried.qpos, carried.limbs)
-        found += carried_findings(robot, directions, carried, clip.rate)
+        angles = segment_angles(robot, directions, carried, clip.rate)
+        limbs = {name: (off.mean, off.worst) for name, off in angles.items()}
+        found += carried_findings(robot, directions, carried, angles)
         floor = floor_measures(clip, robot, carried.qpos, file.parts)
         found.append(limited("into the ground", 1e3 * floor["sunk"], 1e3 * SUNK_LIMIT, "mm"))
     measures = {"limbs_deg": limbs, "too_fast": int(counts["too_fast"])}

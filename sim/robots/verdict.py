@@ -53,9 +53,9 @@ class Finding(msgspec.Struct, frozen=True):
         return f"{self.value:.{digits}f} {self.unit}" if self.unit else ""
 
 
-def limited(check: str, value: float, limit: float, unit: str, where: str = "") -> Finding:
-    """A finding that is within its limit or not."""
-    return Finding(check, value, limit, unit, where, ok=value <= limit)
+def limited(check: str, value: float, limit: float | None, unit: str, where: str = "") -> Finding:
+    """A finding that is within its limit, if it has one, or not."""
+    return Finding(check, value, limit, unit, where, ok=limit is None or value <= limit)
 
 
 class RobotVerdict(msgspec.Struct, frozen=True):

@@ -16,7 +16,7 @@ from motiondeck.cli.robot.retarget import SEGMENTS, worse_side
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.words import counted
 from sim.models.robot_file import Solver
-from sim.robots.carried_findings import SegmentAngle, findings_of, joint_findings, segment_angles
+from sim.robots.carried_findings import SegmentAngle, carried_findings, joint_findings, segment_angles
 from sim.robots.fidelity import Carried, carry, floor_measures, joint_measures, shortfall
 from sim.robots.limb_directions import LimbDirections, beyond_limits
 from sim.robots.robot import Robot, RobotLoader
@@ -154,5 +154,5 @@ def _carried(
     if load.file.parts:
         directions = _directions(load, robot)
         angles = segment_angles(robot, directions, carried, clip.rate)
-        found += findings_of(robot, directions, carried, angles)
+        found += carried_findings(robot, directions, carried, angles)
     return robot, carried, counts, angles, found

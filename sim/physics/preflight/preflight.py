@@ -48,7 +48,8 @@ class Preflight:
         self._collisions, self._feet = SelfCollision(self.robot), feet_of(self.robot)
         falls = self.root == "free" and not (self.balance or self.walk)
         self.static = StaticChecks(self.robot, self.limits, self.limiter, falls=falls)
-        self.physics = PhysicsChecks(self.robot, self.limits, self.limiter, self.root, self.balance, self.walk)
+        self._held = self.root if self.root != "free" else "gantry"  # the root for checks of the servos
+        self._models: dict[str, mujoco.MjModel] = {}
 
     def judge(self, played: PlayedMotion, *, simulate: bool, tempo: float = 1.0) -> RobotVerdict:
         """Judges a motion or a switch at a tempo.
@@ -58,7 +59,7 @@ class Preflight:
         loads = loads_of(self.robot, played, free=self.root == "free", collisions=self._collisions, feet=self._feet)
         findings = tuple(self.static.findings(played, loads, tempo))
         if simulate:
-            findings = (*self._carried(played, tempo), *findings, *self.physics.findings(played, tempo))
+            findings = (*self._carried(played, tempo), *findings, *self.simulated(played, tempo))
         if all(finding.ok for finding in findings):
             return RobotVerdict(played.name, findings, tempo, tempo=tempo)
         lasting = tuple(finding for finding in findings if finding.check in AT_ANY_TEMPO and not finding.ok)
@@ -70,7 +71,7 @@ class Preflight:
 
         def passes_simulated(slow: float) -> bool:
             carried = all(finding.ok for finding in self._carried(played, slow))
-            return carried and self.physics.follow(played, slow) and passes_static(slow)
+            return carried and self._follows(played, slow) and passes_static(slow)
 
         passes = fastest_passing(passes_static, tempo, _WITHIN)
         if simulate and passes is not None and not passes_simulated(passes):
@@ -85,7 +86,7 @@ class Preflight:
         """The findings that fail at the slowest tempo; those of a simulation only if no others do."""
         found = self.static.findings(played, loads, SLOWEST)
         if simulate and all(one.ok for one in found):
-            found = [*self._carried(played, SLOWEST), *self.physics.findings(played, SLOWEST)]
+            found = [*self._carried(played, SLOWEST), *self.simulated(played, SLOWEST)]
         torque = np.abs(loads.torque(SLOWEST)).max(axis=0)
         return tuple(msgspec.structs.replace(one, cause=self._cause(one, torque)) for one in found if not one.ok)
 
@@ -103,21 +104,9 @@ class Preflight:
             return f"its servo is soft: under {needs:.3g} N m its {stiffness:.3g} N m/rad give way by {sag:.2f} rad"
         return ""
 
-
-class PhysicsChecks:
-    """Plays motions in physics on one robot; the arguments are those of `Preflight`."""
-
-    def __init__(
-        self, robot: Robot, limits: JointLimits, limiter: Limiter, root: str, balance: bool, walk: bool
-    ) -> None:
-        self._limiter = limiter
-        self.robot, self.limits, self.root, self.balance, self.walk = robot, limits, root, balance, walk
-        self._carried = root if root != "free" else "gantry"  # the root for checks of the servos
-        self._models: dict[str, mujoco.MjModel] = {}
-
-    def findings(self, played: PlayedMotion, tempo: float) -> list[Finding]:
-        """Whether the servos follow, and whether a free robot stands."""
-        astray, joint, _ = self.play(played, tempo, self._carried)
+    def simulated(self, played: PlayedMotion, tempo: float) -> list[Finding]:
+        """The findings of physics: whether the servos follow, and whether a free robot stands."""
+        astray, joint, _ = self.play(played, tempo, self._held)
         found = [limited("off target", astray, ASTRAY, "rad", self.robot.joints[joint])]
         if self.walk:
             found += self._walked_findings(played, tempo)
@@ -126,9 +115,9 @@ class PhysicsChecks:
             found.append(_falls(fell))
         return found
 
-    def follow(self, played: PlayedMotion, tempo: float) -> bool:
-        """Whether all `findings` pass; it stops at the first that fails."""
-        astray, _, _ = self.play(played, tempo, self._carried, until=ASTRAY)
+    def _follows(self, played: PlayedMotion, tempo: float) -> bool:
+        """Whether all `simulated` findings pass; it stops at the first that fails."""
+        astray, _, _ = self.play(played, tempo, self._held, until=ASTRAY)
         if astray > ASTRAY or self.root != "free":
             return astray <= ASTRAY
         if self.walk:
@@ -180,7 +169,7 @@ class PhysicsChecks:
         """Plays a motion on a stage until the robot falls; the joints' errors (J,), rad, in each tick."""
         targets, poses = targets_at(played, tempo, TICK), poses_at(played, tempo, TICK)
         inside = np.clip(targets, self.limits.lower, self.limits.upper)
-        limited = self._limiter(self.limits, TICK)
+        limited = self.limiter(self.limits, TICK)
         limited.start(inside[0])
         if self.robot.footing is not None:
             self.robot.footing.reset(TICK)

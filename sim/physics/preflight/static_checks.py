@@ -14,7 +14,7 @@ from sim.models.overlaps import OVERLAP
 from sim.models.servo_motor import ROOM
 from sim.physics.loads import Loads
 from sim.physics.played_motions import DT, PlayedMotion, poses_at, targets_at
-from sim.robots.carried_findings import carried_findings
+from sim.robots.carried_findings import carried_findings, segment_angles
 from sim.robots.fidelity import followed
 from sim.robots.limb_directions import LimbDirections
 from sim.robots.robot import Limiter, Robot
@@ -54,8 +54,7 @@ def sustained_until(off: Iterable[Array], until: float) -> Array:
 def of_joints(check: str, values: Array, limit: float | None, unit: str, joints: tuple[str, ...]) -> Finding:
     """The largest of the values of all joints, shape (J,), with the joint."""
     worst = int(np.argmax(values))
-    value = float(values[worst])
-    return Finding(check, value, limit, unit, joints[worst], ok=limit is None or value <= limit)
+    return limited(check, float(values[worst]), limit, unit, joints[worst])
 
 
 class StaticChecks:
@@ -110,13 +109,10 @@ class StaticChecks:
         share = sustained(np.abs(torque), DT) / self._robot.strength
         if motors is None:
             unknown, count = int(np.isinf(self._robot.strength).sum()), len(joints)
-            if unknown < count:
-                found = [of_joints("torque", 100.0 * share, 100.0, "%", joints)]
-            else:
+            found = [of_joints("torque", 100.0 * share, 100.0, "%", joints)]
+            if unknown == count:
                 found = [of_joints("torque", np.abs(torque).max(axis=0), None, "N m", joints)]
-            if unknown:
-                found.append(Finding("joints of unknown torque", unknown, None, f"of {count} joints"))
-            return found
+            return found + [Finding("joints of unknown torque", unknown, None, f"of {count} joints")] * bool(unknown)
         velocity = np.clip(tempo * loads.velocity, -self._limits.velocity, self._limits.velocity)
         lag = servo_lag(torque / motors.torque + velocity / motors.speed, DT / tempo) * motors.speed
         drawn = motors.drawn(np.clip(torque, -motors.most, motors.most))
@@ -140,7 +136,7 @@ class StaticChecks:
             Finding("into the ground", -1e3 * min(float(loads.lowest.min()), 0.0), None, "mm"),
             Finding("foot slide", 1e3 * slide, None, "mm/s"),
             Finding("balance margin", 1e3 * margin, None, "mm"),
-            limited("off balance", off, OFF_BALANCE, "s") if self._falls else Finding("off balance", off, None, "s"),
+            limited("off balance", off, OFF_BALANCE if self._falls else None, "s"),
         ]
         # A robot without feet, or with its feet in the air most of the time, has no margin.
         return [finding for finding in found if np.isfinite(finding.value)]
@@ -188,4 +184,6 @@ class CarriedChecks:
         for k, pose in enumerate(poses):
             joints[k] = np.clip(retarget(pose), robot.limits.lower, robot.limits.upper)
             robot.place(joints[k], pose, qpos[k])
-        return carried_findings(robot, self._directions, followed(clip, robot, joints, qpos), 1.0 / DT)
+        carried = followed(clip, robot, joints, qpos)
+        angles = segment_angles(robot, self._directions, carried, 1.0 / DT)
+        return carried_findings(robot, self._directions, carried, angles)

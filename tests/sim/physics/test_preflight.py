@@ -181,27 +181,27 @@ def test_who_stands_still_or_is_down_already_cannot_fall(rotation):
     judge = preflight(SERVO20, "free")
     loads = loads_of(SERVO20, played, free=False, collisions=COLLISIONS, feet=feet_of(SERVO20))
     assert {f.check: f.ok for f in judge.static.standing(loads, 1.0)}["off balance"]
-    assert {f.check: f.ok for f in judge.physics.findings(played, 1.0)}["falls"]
+    assert {f.check: f.ok for f in judge.simulated(played, 1.0)}["falls"]
 
 
 def test_a_robot_that_walks_is_judged_by_how_it_stands_and_how_far_it_goes(monkeypatch):
     monkeypatch.setattr("sim.physics.preflight.preflight.FALL_SECONDS", 1.0)
     pose = bent_pose(human())
     played = PlayedMotion("still", True, np.tile(SERVO20.rest, (40, 1)), (pose,) * 40)
-    found = {f.check: f for f in preflight(SERVO20, "free", walk=True).physics.findings(played, 1.0)}
+    found = {f.check: f for f in preflight(SERVO20, "free", walk=True).simulated(played, 1.0)}
     assert found["falls"].value == 1.0
     assert 0.0 < found["capture point off"].value < 20.0
     assert found["robot goes"].value < 0.02
     weak = replace(SERVO20, servo=msgspec.structs.replace(SERVO20.servo, torque=0.1))
     with pytest.raises(MotiondeckError, match="cannot stand on one leg"):
-        preflight(weak, "free", walk=True).physics.findings(played, 1.0)
+        preflight(weak, "free", walk=True).simulated(played, 1.0)
 
 
 def test_a_robot_that_falls_while_it_is_to_walk_is_told_so_with_the_time(monkeypatch):
     monkeypatch.setattr("sim.physics.preflight.preflight.FALL_SECONDS", 4.0)
     played = PlayedMotion("still", True, np.tile(SERVO20.rest, (40, 1)), (bent_pose(human()),) * 40)
     late = replace(SERVO20, servo=msgspec.structs.replace(SERVO20.servo, latency=0.3))
-    found = {f.check: f for f in preflight(late, "free", walk=True).physics.findings(played, 1.0)}
+    found = {f.check: f for f in preflight(late, "free", walk=True).simulated(played, 1.0)}
     assert not found["falls"].ok
     assert 0.5 < found["falls"].value < found["falls"].limit
     assert not found["capture point off"].ok
@@ -257,8 +257,8 @@ def test_a_play_that_is_astray_ends_early_and_with_the_same_verdict():
     judge = preflight(SERVO20)
     for rate in (2.0, 25.0):
         played = swinging(rate, seconds=0.8)
-        whole, _, _ = judge.physics.play(played, 1.0, "gantry")
-        cut, _, _ = judge.physics.play(played, 1.0, "gantry", until=ASTRAY)
+        whole, _, _ = judge.play(played, 1.0, "gantry")
+        cut, _, _ = judge.play(played, 1.0, "gantry", until=ASTRAY)
         assert (cut > ASTRAY) == (whole > ASTRAY)
         assert cut < whole if rate == 25.0 else cut == whole
 

@@ -11,7 +11,7 @@ from controller.motion.rotations import from_rotation_vector, multiply, yaw
 from controller.motion.skeleton import Pose
 from sim.physics.playback import PhysicsPlayback
 from sim.robots.calibrate import NO_LEGS
-from sim.robots.carried_findings import carried_findings
+from sim.robots.carried_findings import carried_findings, segment_angles
 from sim.robots.fidelity import carry
 from sim.robots.limb_directions import LimbDirections
 from sim.robots.robot import RobotLoader
@@ -82,7 +82,7 @@ def findings(loader, clip):
     robot = loader(human(), None, 1.0 / clip.rate)
     carried = carry(clip, robot, SafetyEnvelope)
     directions = LimbDirections(robot.model, loader.file.parts, np.array(loader.file.root_rotation))
-    found = carried_findings(robot, directions, carried, clip.rate)
+    found = carried_findings(robot, directions, carried, segment_angles(robot, directions, carried, clip.rate))
     return robot, carried, directions, found
 
 

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import sim
-from sim.robots.carried_findings import REACH_LIMIT, limb_findings
+from sim.robots.carried_findings import REACH_LIMIT, SegmentAngle, limb_findings
 from sim.robots.limb_directions import MEAN_LIMIT, WORST_LIMIT
 from sim.robots.verdict import QUESTIONS, REMEDIES, SLOWEST, Finding, RobotVerdict, fastest_passing, limited, summed
 
@@ -74,8 +74,8 @@ def test_every_check_that_can_fail_has_a_question_and_a_remedy():
     ],
 )
 def test_a_limb_that_is_off_is_found_under_its_cause(cause, mean, worst, check, ok):
-    off = {"l_forearm": (mean, worst), "l_upper_arm": (1.0, 2.0)}
-    found = {finding.check: finding for finding in limb_findings(off, {"l_forearm": cause})}
+    off = {"l_forearm": SegmentAngle(mean, worst, 0, cause), "l_upper_arm": SegmentAngle(1.0, 2.0, 0)}
+    found = {finding.check: finding for finding in limb_findings(off)}
     assert (found[check].where, found[check].ok) == ("l_forearm", ok)
     assert found[check].limit in (MEAN_LIMIT, WORST_LIMIT, REACH_LIMIT)
 
