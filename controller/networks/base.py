@@ -13,14 +13,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.motion.rotations import Array
-from motiondeck_base.errors import UnknownNameError
+from motiondeck_base.errors import MotiondeckError, UnknownNameError
 
 if TYPE_CHECKING:
     from controller.networks.driving_input import DrivingInput
     from controller.networks.storage import StoredNetwork
 
 Channels = NDArray[np.float64]
-Activation = NDArray[np.float32]
+Float32 = NDArray[np.float32]
+Activation = Float32
 Rows = NDArray[np.int64] | EllipsisType  # the indices of some of several runs, or all of them
 
 Motion = TypeVar("Motion")
@@ -231,6 +232,34 @@ class Network(NamedMotions[Motion], ABC):
     def sizes(self, motion: str) -> dict[str, float]:
         """The sizes of a motion's own network by name, where each motion has one."""
         return {}
+
+
+class ReservoirNetwork(Network[Motion]):
+    """N neurons and the motions that they have learned."""
+
+    activation: Float32
+
+    def __init__(self, motions: dict[str, Motion], neurons: int, channels: int, runs: tuple[int, ...] = ()) -> None:
+        super().__init__(motions)
+        self.neurons, self.channels, self.runs = neurons, channels, runs
+        self.activation = np.zeros((*runs, neurons), dtype=np.float32)
+        self._frame = np.zeros((*runs, channels), dtype=np.float32)
+
+    @abstractmethod
+    def with_motions(self, more: dict[str, Motion], runs: int | None = None) -> Self:
+        """The same reservoir with further motions, of one run or of several."""
+
+    def twin(self, runs: int | None = None) -> Self:
+        return self.with_motions({}, runs)
+
+    def noise_size(self, motion: str) -> int:
+        return self.neurons
+
+
+def require_playing(plays: bool, source: str) -> None:
+    """Raises a MotiondeckError if a morph does not start in its source."""
+    if not plays:
+        raise MotiondeckError(f"a morph from '{source}' needs a network that plays '{source}'; cue it first")
 
 
 AnyNetwork = Network[Any]

@@ -23,7 +23,7 @@ def ridge(states: Array, targets: Array, regulariser: float) -> Array:
             "channels) are needed, of equally many frames"
         )
     if not (regulariser >= 0.0 and np.isfinite(states).all() and np.isfinite(targets).all()):
-        raise MotiondeckError(f"a regulariser of {regulariser}: give finite numbers, none below 0")
+        raise MotiondeckError(f"ridge regression with a regulariser of {regulariser}: give finite numbers >= 0")
     from scipy.linalg import cho_factor, cho_solve  # takes longer to import than a library takes to load
 
     frames, neurons = states.shape

@@ -99,7 +99,6 @@ class Pendulum:
     """f(q) = sin q:  omega = pi sqrt(z) / (2 K(k)),  k = p0 / (2 sqrt z),  amplitude 2 asin k."""
 
     def force(self, q: Array) -> Array:
-        """The f of eq. 9."""
         return np.sin(q)
 
     def potential(self, q: Array) -> Array:
@@ -131,11 +130,9 @@ class Duffing:
     cubic: float = 1.0  # b
 
     def force(self, q: Array) -> Array:
-        """The f of eq. 9."""
         return q * (self.linear - self.cubic * np.square(q))
 
     def potential(self, q: Array) -> Array:
-        """The F of eq. 11."""
         square = np.square(q)
         return square * (0.5 * self.linear - 0.25 * self.cubic * square)
 
@@ -144,7 +141,6 @@ class Duffing:
         return max(0.0, 2.0 * self.cubic * momentum**2 / self.linear**2)
 
     def orbit(self, control: Array | float, momentum: float) -> tuple[Array, Array]:
-        """Frequency and amplitude."""
         from scipy.special import ellipk
 
         stiffness = np.multiply(control, self.linear)

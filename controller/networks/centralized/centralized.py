@@ -52,9 +52,9 @@ class CentralizedMotion:
     loop: bool  # whether its centers return after that time, so that it goes on for ever; otherwise it holds its end
 
     def __post_init__(self) -> None:
-        n, m = len(self.frequency), len(self.satellites)
-        if self.phase.shape != (n,) or self.satellites.places.shape[1] != 2 * n:
-            raise MotiondeckError(f"{n} centers fit no satellites at places of shape {self.satellites.places.shape}")
+        n, (m, d) = len(self.frequency), self.satellites.places.shape
+        if self.phase.shape != (n,) or d != 2 * n:
+            raise MotiondeckError(f"{n} centers do not fit satellites at places of shape {(m, d)}")
         if self.matrix.shape != (len(self.rest), m):
             raise MotiondeckError(f"{m} satellites and {len(self.rest)} channels do not fit W of {self.matrix.shape}")
         require_frequencies(self.frequency)
@@ -151,12 +151,21 @@ class CentersPlayer:
 class Passage:
     """The switching module while it goes from one motion to another; its state k is the k-th of `motions`."""
 
-    def __init__(self, motions: int) -> None:
+    source: CentersPlayer | None = None  # what it leaves
+
+    def __init__(self, motions: int, channels: int = 0) -> None:
+        self._played = np.zeros(channels)  # by the source
         self.module = SwitchingModule(design_module(motions), time_scale=GAIN * TIME_CONSTANT)
         self._origin = self._goal = 0.0
 
-    def begin(self, target: int) -> None:
-        """Begins to cross to a motion, by a clamp current."""
+    def stay(self, state: int) -> None:
+        """Rests in a motion."""
+        self.source = None
+        self.module.reset(state)
+
+    def begin(self, target: int, source: CentersPlayer | None = None) -> None:
+        """Begins to cross to a motion, by a clamp current, perhaps from one that plays."""
+        self.source = source
         self._goal = float(self.module.design.targets[target])
         if abs(self.module.z - self._goal) < 0.1:
             # The same state again: z comes from beside it, so that its way has a length.
@@ -167,6 +176,7 @@ class Passage:
     def advance(self, dt: float) -> bool:
         """Goes dt seconds on; whether the way still lasts."""
         self.module.advance(dt)
+        self.source = self.source if self.module.commanded else None
         return self.module.commanded
 
     @property
@@ -174,22 +184,26 @@ class Passage:
         """The share of the target in the mixture."""
         return rise(min(1.0, max(0.0, (self.module.z - self._origin) / (self._goal - self._origin))))
 
-    def mix(self, source: CentersPlayer, dt: float, played: Channels, out: Channels) -> None:
-        """Goes dt seconds on with the source, plays it into `played`, and mixes that into the target's out, (D,)."""
-        source.advance(dt)
-        source.read(played)
+    def mix(self, dt: float, out: Channels) -> None:
+        """Goes dt seconds on with the source, and mixes it into the target's out, (D,)."""
+        assert self.source is not None
+        played = self._played
+        self.source.advance(dt)
+        self.source.read(played)
         np.subtract(out, played, out=out)
         np.multiply(out, self.share, out=out)
         np.add(out, played, out=out)
 
-    def snapshot(self) -> tuple[object, float, float]:
+    def snapshot(self) -> tuple[Any, ...]:
         """A copy of the state."""
-        return self.module.snapshot(), self._origin, self._goal
+        source = self.source.copy() if self.source is not None else None
+        return self.module.snapshot(), self._origin, self._goal, source
 
-    def restore(self, snapshot: tuple[Any, float, float]) -> None:
+    def restore(self, snapshot: tuple[Any, ...]) -> None:
         """Puts the state back to a snapshot."""
-        module, self._origin, self._goal = snapshot
+        module, self._origin, self._goal, source = snapshot
         self.module.restore(module)
+        self.source = source.copy() if source is not None else None
 
 
 def shared_channels(motions: dict[str, CentralizedMotion]) -> int:
@@ -243,12 +257,10 @@ class CentralizedGenerator(NamedMotions[CentralizedMotion]):
             raise MotiondeckError(f"noise of {noise} on z; it is not negative")
         super().__init__(motions)
         self.tempo = 1.0  # multiplies all frequencies
-        self._crossing = Passage(len(motions))
+        self._crossing = Passage(len(motions), self.channels)
         self.module = self._crossing.module  # state k is the k-th motion
         self._noise, self._random = noise, np.random.default_rng(seed)
-        self._out, self._mixed = np.zeros(self.channels), np.zeros(self.channels)
-        self._waiting: str | None = None
-        self._source: CentersPlayer | None = None
+        self._out = np.zeros(self.channels)
         starts = {k: np.arange(ENTRIES if m.loop else 1) / ENTRIES * m.seconds for k, m in motions.items()}
         self._entries = Entries(motions, starts)
         self.cue(self.motions[0])
@@ -256,15 +268,15 @@ class CentralizedGenerator(NamedMotions[CentralizedMotion]):
     @property
     def settled(self) -> bool:
         """Whether no switch is under way."""
-        return self._source is None and self._waiting is None
+        return self._crossing.source is None and self._waiting is None
 
     def cue(self, motion: str, phase: float = 0.0) -> None:
         """Starts a motion at a phase in [0, 1), without a transition."""
         part = self[motion]
         self.motion = motion  # the one that plays or is being switched to
         self._player = CentersPlayer(part, phase * part.seconds)
-        self._source = self._waiting = None
-        self.module.reset(self.motions.index(motion))
+        self._waiting: str | None = None
+        self._crossing.stay(self.motions.index(motion))
 
     def switch(self, to: str) -> None:
         """Goes over to a motion; while a switch is under way, the latest other wish waits for its end.
@@ -272,21 +284,20 @@ class CentralizedGenerator(NamedMotions[CentralizedMotion]):
         UnknownNameError if there is no such motion; it names the nearest.
         """
         part = self[to]
-        if self._source is not None:
+        if self._crossing.source is not None:
             self._waiting = to if to != self.motion else None
             return
         if to == self.motion and part.loop:
             return
         entry = self._entries.best(self._player.motion, self._player.time, to)
-        self._source, self._player = self._player, CentersPlayer(part, entry / ENTRIES * part.seconds)
-        self.motion = to
-        self._crossing.begin(self.motions.index(to))
+        self._crossing.begin(self.motions.index(to), self._player)
+        self._player, self.motion = CentersPlayer(part, entry / ENTRIES * part.seconds), to
 
     def step(self, dt: float) -> Channels:
         """Goes dt >= 0 seconds on and gives the channels there, shape (D,); the array is reused by the next step."""
         self._player.advance(dt * self.tempo)
         self._player.read(self._out)
-        if self._source is not None:
+        if self._crossing.source is not None:
             self._mix(dt)
         elif self._noise:
             self.module.advance(dt, self._noise * dt**0.5 * self._random.standard_normal())
@@ -305,23 +316,20 @@ class CentralizedGenerator(NamedMotions[CentralizedMotion]):
 
     def snapshot(self) -> tuple[Any, ...]:
         """A copy of the state: two runs from one snapshot are identical."""
-        source = self._source.copy() if self._source is not None else None
         noise, crossing = self._random.bit_generator.state, self._crossing.snapshot()
-        return self.motion, self._player.copy(), source, self._waiting, crossing, noise
+        return self.motion, self._player.copy(), self._waiting, crossing, noise
 
     def restore(self, snapshot: tuple[Any, ...]) -> None:
         """Puts the state back to a snapshot."""
-        self.motion, player, source, self._waiting, crossing, self._random.bit_generator.state = snapshot
-        self._player, self._source = player.copy(), source.copy() if source is not None else None
+        self.motion, player, self._waiting, crossing, self._random.bit_generator.state = snapshot
+        self._player = player.copy()
         self._crossing.restore(crossing)
 
     def _mix(self, dt: float) -> None:
-        assert self._source is not None
-        if not self._crossing.advance(dt):
-            self._source = None
-            self.module.reset(self.motions.index(self.motion))
-            if self._waiting is not None:
-                waiting, self._waiting = self._waiting, None
-                self.switch(waiting)
+        if self._crossing.advance(dt):
+            self._crossing.mix(dt * self.tempo, self._out)
             return
-        self._crossing.mix(self._source, dt * self.tempo, self._mixed, self._out)
+        self.module.reset(self.motions.index(self.motion))
+        if self._waiting is not None:
+            waiting, self._waiting = self._waiting, None
+            self.switch(waiting)

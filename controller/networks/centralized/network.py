@@ -34,8 +34,7 @@ class CentralizedNetwork(Network[CentralizedMotion]):
         super().__init__(motions)
         self.rate, self.runs = rate, runs
         self.neurons = sum(len(part.frequency) + len(part.satellites) for part in motions.values())
-        self._crossing = Passage(len(motions))
-        self._mixed = np.zeros(self.channels)
+        self._crossing = Passage(len(motions), self.channels)
         self._entries = Entries(motions, {name: self._anchor_times(name) for name in self.motions})
         self.cue(self.motions[0], 0)
 
@@ -55,8 +54,7 @@ class CentralizedNetwork(Network[CentralizedMotion]):
 
     def cue(self, motion: str, anchor: int) -> None:
         self._player = CentersPlayer(self[motion], anchor * ANCHOR_EVERY / self.rate, self.runs)
-        self._source: CentersPlayer | None = None
-        self._crossing.module.reset(self.motions.index(motion))
+        self._crossing.stay(self.motions.index(motion))
 
     @property
     def as_crossing(self) -> CrossingNetwork:
@@ -68,24 +66,19 @@ class CentralizedNetwork(Network[CentralizedMotion]):
         source, part = self._player, self[motion]
         anchor = self._entries.best(source.motion, source.time, motion, entries)
         self._player = CentersPlayer(part, anchor * ANCHOR_EVERY / self.rate)
-        self._source = source
-        self._crossing.begin(self.motions.index(motion))
+        self._crossing.begin(self.motions.index(motion), source)
         return anchor
 
     @property
     def crossing(self) -> bool:
-        return self._source is not None
+        return self._crossing.source is not None
 
     def advance(self, out: Channels, noise: Activation | None = None) -> None:
         dt = 1.0 / self.rate
         self._player.advance(dt, noise)
         self._player.read(out)
-        if self._source is None:
-            return
-        if not self._crossing.advance(dt):
-            self._source = None
-            return
-        self._crossing.mix(self._source, dt, self._mixed, out)
+        if self._crossing.source is not None and self._crossing.advance(dt):
+            self._crossing.mix(dt, out)
 
     def noise_size(self, motion: str) -> int:
         """(q, p / omega) of each center; satellites follow at once."""
@@ -94,15 +87,12 @@ class CentralizedNetwork(Network[CentralizedMotion]):
     def displace(self, noise: Activation, weights: Activation | None = None) -> None:
         self._player.displace(noise)
 
-    def snapshot(self) -> tuple[CentersPlayer, CentersPlayer | None, tuple[object, float, float]]:
-        source = self._source.copy() if self._source is not None else None
-        return self._player.copy(), source, self._crossing.snapshot()
+    def snapshot(self) -> tuple[CentersPlayer, tuple[Any, ...]]:
+        return self._player.copy(), self._crossing.snapshot()
 
     def restore(self, snapshot: Any) -> None:
-        player, source, crossing = snapshot
-        self._player = player.copy()
-        self._source = source.copy() if source is not None else None
-        self._crossing.restore(crossing)
+        self._player = snapshot[0].copy()
+        self._crossing.restore(snapshot[1])
 
     def center_phases(self, motion: str) -> Array:
         part = self[motion]

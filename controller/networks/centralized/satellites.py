@@ -66,7 +66,6 @@ class GaussianSatellites:
         return len(self.places)
 
     def respond(self, states: Array) -> Array:
-        """Phi of states (..., d), shape (..., m)."""
         return np.exp(-0.5 * np.square(self.sharpness) * self.distances(states))
 
     def distances(self, states: Array) -> Array:
@@ -87,7 +86,6 @@ class HarmonicSatellites:
         return len(self.orders)
 
     def respond(self, states: Array) -> Array:
-        """Phi of states (..., d), shape (..., m)."""
         return np.cos(self.base * (states @ self.orders.T))
 
 
@@ -101,7 +99,6 @@ class PolynomialSatellites:
         return len(self.powers)
 
     def respond(self, states: Array) -> Array:
-        """Phi of states (..., d), shape (..., m)."""
         return np.prod(states[..., None, :] ** self.powers, axis=-1)
 
 

@@ -69,9 +69,7 @@ class SwitchingModule:
 
     def __init__(self, design: ModuleDesign, state: int = 0, time_scale: float = 1.0) -> None:
         self.design, self.time_scale = design, time_scale
-        self._command: Command | None = None
-        self._elapsed = 0.0
-        self.place(design.targets[state])
+        self.reset(state)
 
     @property
     def state(self) -> int:
@@ -85,7 +83,8 @@ class SwitchingModule:
 
     def reset(self, state: int) -> None:
         """Puts the module to rest in a state."""
-        self._command, self._elapsed = None, 0.0
+        self._command: Command | None = None
+        self._elapsed = 0.0
         self.place(self.design.targets[state])
 
     def command(self, command: Command) -> None:

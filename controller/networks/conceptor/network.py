@@ -29,8 +29,15 @@ from typing import Any, Self
 
 import numpy as np
 
-from controller.networks.base import AutonomousNetwork, Channels, Rows, lead_shape
-from controller.networks.reservoirs.reservoir_network import Float32, ReservoirNetwork, require_playing
+from controller.networks.base import (
+    AutonomousNetwork,
+    Channels,
+    Float32,
+    ReservoirNetwork,
+    Rows,
+    lead_shape,
+    require_playing,
+)
 from controller.networks.storage import StoredNetwork
 
 LARGEST_NOISE = 2.0  # beyond it |s + noise| > 1, which tanh never gives: |s| <= 1

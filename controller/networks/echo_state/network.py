@@ -18,8 +18,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.motion.encodings.normalisation import Normalisation
-from controller.networks.base import AutonomousNetwork, Channels, Rows, lead_shape
-from controller.networks.reservoirs.reservoir_network import Float32, ReservoirNetwork, require_playing
+from controller.networks.base import (
+    AutonomousNetwork,
+    Channels,
+    Float32,
+    ReservoirNetwork,
+    Rows,
+    lead_shape,
+    require_playing,
+)
 from controller.networks.storage import StoredNetwork, arrays_of
 
 OUTPUT_BOUND = 1.05
@@ -88,17 +95,19 @@ class EchoStateNetwork(ReservoirNetwork[EchoStateMotion]):
 
     def cue(self, motion: str, anchor: Any, rows: Rows = ...) -> None:
         """Starts from the recorded state s and output o (section 3.3.3); of several runs, some, one anchor each."""
-        self._play(self[motion])
+        self.play(self[motion])
         self.activation[rows] = self._playing.states[anchor]
         self._y[rows] = self._playing.outputs[anchor]
 
-    def _play(self, part: EchoStateMotion) -> None:
+    def play(self, part: EchoStateMotion) -> None:
+        """Goes on with another motion's readout from the present state."""
         self._playing, self._readout = part, part.readout.T
 
     def advance(self, out: Channels, noise: Float32 | None = None) -> None:
         """The equations above; noise is added to x(n+1)."""
         x, y, hidden = self.activation, self._y, self._hidden
-        _keep_between(self._lowest_x, self._highest_x, x)
+        np.maximum(x, self._lowest_x, out=x)  # `np.clip` goes by way of Python objects
+        np.minimum(x, self._highest_x, out=x)
         np.dot(x, self._recurrent, out=hidden)
         np.dot(y, self._back, out=self._fed_back)
         np.add(hidden, self._fed_back, out=hidden)
@@ -110,7 +119,8 @@ class EchoStateNetwork(ReservoirNetwork[EchoStateMotion]):
         if noise is not None:
             x += noise
         np.dot(x, self._readout, out=y)
-        _keep_between(self._lowest_y, self._highest_y, y)
+        np.maximum(y, self._lowest_y, out=y)
+        np.minimum(y, self._highest_y, out=y)
         np.copyto(out, y)
         self.normalisation.invert_in_place(out)
 
@@ -130,7 +140,7 @@ class EchoStateNetwork(ReservoirNetwork[EchoStateMotion]):
 
     def restore(self, snapshot: Any) -> None:
         part, x, y = snapshot
-        self._play(part)
+        self.play(part)
         self.activation[...], self._y[...] = x, y
 
     def arrays(self) -> dict[str, NDArray[Any]]:
@@ -162,24 +172,16 @@ class _EchoStateMorph:
 
     def advance(self, mu: float, out: Channels) -> None:
         readout = np.float32(1.0 - mu) * self._source.readout + np.float32(mu) * self._target.readout
-        self._play(EchoStateMotion(readout.astype(np.float32, copy=False), self._target.states, self._target.outputs))
+        self._network.play(
+            EchoStateMotion(readout.astype(np.float32, copy=False), self._target.states, self._target.outputs)
+        )
         self._network.advance(out)
 
     def settle(self) -> None:
-        self._play(self._target)
+        self._network.play(self._target)
 
     def give_up(self) -> None:
-        self._play(self._source)
-
-    def _play(self, part: EchoStateMotion) -> None:
-        _, x, y = self._network.snapshot()
-        self._network.restore((part, x, y))
-
-
-def _keep_between(low: Float32, high: Float32, values: Float32) -> None:
-    """Clips values where they are; `np.clip` goes by way of Python objects."""
-    np.maximum(values, low, out=values)
-    np.minimum(values, high, out=values)
+        self._network.play(self._source)
 
 
 KIND = EchoStateNetwork

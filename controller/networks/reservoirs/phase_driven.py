@@ -20,10 +20,9 @@ from numpy.typing import NDArray
 
 from controller.motion.encodings.normalisation import Normalisation
 from controller.motion.rotations import Array, Indices
-from controller.networks.base import Channels, PhaseNetwork, lead_shape
+from controller.networks.base import Channels, Float32, PhaseNetwork, ReservoirNetwork, lead_shape
 from controller.networks.driving_input import LEVELS, DrivingInput
 from controller.networks.reservoirs.phase_reservoir import ANCHOR_EVERY, SETTLING_STEPS, PhaseCourse, PhaseReservoir
-from controller.networks.reservoirs.reservoir_network import Float32, ReservoirNetwork
 from controller.networks.storage import MotionHeader, PhaseScales, StoredNetwork, arrays_of
 from motiondeck_base.arrays_on_disk import release
 from motiondeck_base.errors import UnknownNameError

@@ -15,9 +15,8 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from controller.networks.base import Float32
 from controller.networks.storage import PhaseScales
-
-Float32 = NDArray[np.float32]
 
 ANCHOR_EVERY = 2
 SETTLING_STEPS = 100
