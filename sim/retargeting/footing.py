@@ -174,11 +174,9 @@ class FixedBase(Footing):
         self._place = np.concatenate([model.qpos0[:3], root_rotation])
 
     def reset(self, dt: float | None = None) -> None:
-        """Resets the stance."""
         self.stance.reset(dt)
 
     def place(self, pose: Pose, qpos: Array) -> None:
-        """Writes the root's position and rotation into qpos (nq,)."""
         qpos[:7] = self._place
 
 
@@ -189,7 +187,6 @@ class BakedRoot(Footing):
         self._path = RootPath()
 
     def reset(self, dt: float | None = None) -> None:
-        """Resets the place."""
         self._path.reset()
 
     def heading(self, human: float) -> float:
@@ -197,5 +194,4 @@ class BakedRoot(Footing):
         return self._path.heading
 
     def place(self, pose: Pose, qpos: Array) -> None:
-        """Writes the root's position and rotation into qpos (nq,)."""
         qpos[:7] = self._path(pose)

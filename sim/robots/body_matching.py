@@ -99,128 +99,126 @@ class _StandsOtherwise(FileFormatError):
     """A robot that stands on more than two limbs, or on wheels."""
 
 
-class _Matcher:
+class _Matcher(StandingBody):
     """Matches a robot turned one way."""
 
     leg_share = 0.0  # length of its legs over its arms; 0 without arms; set by `match`
     limbs_alike = False  # whether arms and legs are equal in length and hinges; set by `match`
 
     def __init__(self, path: Path, model: mujoco.MjModel, turn: Array, bends: Collection[str]) -> None:
-        self.path, self.model, self.body, self.bends = path, model, StandingBody(model, turn), bends
-        self.data, self.root, self.ends = self.body.data, self.body.root, self.body.ends
-        self.points, self.heights, self.surface = self.body.points, self.body.heights, self.body.surface
-        self.floor, self.tall = self.body.floor, self.body.tall
+        super().__init__(model, turn)
+        self.path, self.bends = path, bends
         self.doubts: list[str] = []
 
     def match(self) -> BodyMatch:
-        wheels = [self.body.name(body) for body in self.ends if self.body.is_wheel(body)]
+        wheels = [self.name(body) for body in self.ends if self.is_wheel(body)]
         if wheels:
             raise _StandsOtherwise(self._refusal(f"it stands on wheels ({', '.join(wheels[:4])})"))
         legs = self._legs()
-        pelvis = self.body.common(*legs)
+        pelvis = self.common(*legs)
         ahead = self._ahead(legs, pelvis)
         left = np.array([-ahead[1], ahead[0], 0.0])
-        legs = sorted(legs, key=lambda end: float(self.body.tip(end) @ left))  # right, left
+        legs = sorted(legs, key=lambda end: float(self.tip(end) @ left))  # right, left
         # Where nothing turns between them, the root is the pelvis.
         own = hinges_between(self.model, self.root, pelvis) if pelvis != self.root else []
-        parts = {"pelvis": self.body.name(pelvis if own else self.root)}
-        stands = [self.body.limb(end, pelvis) for end in legs]
-        parts |= self.body.limb_bodies(LEG, dict(zip("rl", stands, strict=True)), ahead, self.bends)
-        rivals = {"leg": self.body.rival_bends(dict(zip("rl", stands, strict=True)))}
+        parts = {"pelvis": self.name(pelvis if own else self.root)}
+        stands = [self.limb(end, pelvis) for end in legs]
+        parts |= self.limb_bodies(LEG, dict(zip("rl", stands, strict=True)), ahead, self.bends)
+        rivals = {"leg": self.rival_bends(dict(zip("rl", stands, strict=True)))}
 
-        branches = {self.body.branch(leg, pelvis) for leg in legs}
-        rest = [e for e in self.ends if self.body.branch(e, pelvis) not in branches]
+        branches = {self.branch(leg, pelvis) for leg in legs}
+        rest = [e for e in self.ends if self.branch(e, pelvis) not in branches]
         centre = self.data.xpos[legs].mean(axis=0)
         chest, shoulders = pelvis, float(self.data.xpos[pelvis, 2])
         arms = self._arms(rest, centre, left)
         if arms:
             chest = self._chest([*arms.values()], left)
-            limbs = {side: self._beside(self.body.limb(end, chest), left) for side, end in arms.items()}
-            parts |= self.body.limb_bodies(ARM, limbs, ahead, self.bends)
-            rivals["arm"] = self.body.rival_bends(limbs)
-            self.leg_share = max(map(self.body.length, stands)) / max(map(self.body.length, limbs.values()))
+            limbs = {side: self._beside(self.limb(end, chest), left) for side, end in arms.items()}
+            parts |= self.limb_bodies(ARM, limbs, ahead, self.bends)
+            rivals["arm"] = self.rival_bends(limbs)
+            self.leg_share = max(map(self.length, stands)) / max(map(self.length, limbs.values()))
             hinges = {len(limb.joints) for limb in (*stands, *limbs.values())}
             self.limbs_alike = len(hinges) == 1 and abs(self.leg_share - 1.0) < ALIKE
-            branches = {self.body.branch(arm, chest) for arm in arms.values()}
-            rest = [e for e in rest if self.body.branch(e, chest) not in branches]
+            branches = {self.branch(arm, chest) for arm in arms.values()}
+            rest = [e for e in rest if self.branch(e, chest) not in branches]
             shoulders = max(float(self.data.xanchor[limb.joints[0], 2]) for limb in limbs.values())
-        parts["chest"] = self.body.name(chest)
+        parts["chest"] = self.name(chest)
         return self._matched(parts, self._head(rest, chest, centre, left, shoulders), ahead, rivals)
 
     def _matched(
         self, parts: dict[str, str], head: int | None, ahead: Array, rivals: dict[str, list[tuple[str, ...]]]
     ) -> BodyMatch:
-        parts |= {"head": self.body.name(head)} if head is not None else {}
+        parts |= {"head": self.name(head)} if head is not None else {}
         upright = multiply(conjugate(yaw(float(np.arctan2(ahead[1], ahead[0])))), self.data.xquat[self.root])
         return BodyMatch(parts, upright, tuple(self.doubts), rivals)
 
     def named_arms(self) -> dict[str, int]:
         """The ends of two arms of a robot without legs, "r" and "l"; empty without."""
         # Their names tell left from right. No other limb stands but wheels, and arms that do so are called arms.
-        wheels = [end for end in self.ends if self.body.is_wheel(end)]
+        wheels = [end for end in self.ends if self.is_wheel(end)]
         limbs = [end for end in self.ends if end not in wheels]
-        standing = {end for end in limbs if self.body.lowest(end) < self.floor + STANDS * self.tall}
+        standing = {end for end in limbs if self.lowest(end) < self.floor + STANDS * self.tall}
         found: dict[str, int] = {}
         longest = 0.0
         for pair in combinations(limbs, 2):
-            first_is_left = is_left(*map(self.body.name, pair))
-            arms = [self.body.limb(end, self.body.common(*pair)) for end in pair]
+            first_is_left = is_left(*map(self.name, pair))
+            arms = [self.limb(end, self.common(*pair)) for end in pair]
             stands = not wheels and bool(standing)
             if stands and (standing - {*pair} or not all(map(self._called_arm, arms))):
                 continue
             bends = all(can_bend(self.model, arm.joints) for arm in arms)
-            if first_is_left is not None and bends and min(map(self.body.length, arms)) > longest:
-                longest = min(map(self.body.length, arms))
+            if first_is_left is not None and bends and min(map(self.length, arms)) > longest:
+                longest = min(map(self.length, arms))
                 found = dict(zip("lr" if first_is_left else "rl", pair, strict=True))
         return found
 
     def upper_body(self, arms: dict[str, int]) -> BodyMatch:
         """The parts of a robot without legs; its root is the pelvis."""
-        chest = self.body.common(*arms.values())
-        starts = {side: self.data.xanchor[self.body.limb(end, chest).joints[0]] for side, end in arms.items()}
+        chest = self.common(*arms.values())
+        starts = {side: self.data.xanchor[self.limb(end, chest).joints[0]] for side, end in arms.items()}
         left = (starts["l"] - starts["r"]) * (1.0, 1.0, 0.0)
         left /= max(float(np.linalg.norm(left)), 1e-9)
         ahead = np.array([left[1], -left[0], 0.0])
-        limbs = {side: self._beside(self.body.limb(end, chest), left) for side, end in arms.items()}
-        parts = {"pelvis": self.body.name(self.root), "chest": self.body.name(chest)}
-        parts |= self.body.limb_bodies(ARM, limbs, ahead, self.bends)
-        branches = {self.body.branch(arm, chest) for arm in arms.values()}
-        rest = [end for end in self.ends if self.body.branch(end, chest) not in branches]
+        limbs = {side: self._beside(self.limb(end, chest), left) for side, end in arms.items()}
+        parts = {"pelvis": self.name(self.root), "chest": self.name(chest)}
+        parts |= self.limb_bodies(ARM, limbs, ahead, self.bends)
+        branches = {self.branch(arm, chest) for arm in arms.values()}
+        rest = [end for end in self.ends if self.branch(end, chest) not in branches]
         centre, shoulders = 0.5 * (starts["l"] + starts["r"]), max(float(at[2]) for at in starts.values())
         head = self._head(rest, chest, centre * (1.0, 1.0, 0.0), left, shoulders)
-        return self._matched(parts, head, ahead, {"arm": self.body.rival_bends(limbs)})
+        return self._matched(parts, head, ahead, {"arm": self.rival_bends(limbs)})
 
     def _legs(self) -> list[int]:
         """The ends of the two limbs that stand on the floor."""
-        standing = [end for end in self.ends if self.body.lowest(end) < self.floor + STANDS * self.tall]
-        pairs = [two for two in combinations(standing, 2) if all(self._is_leg(e, self.body.common(*two)) for e in two)]
+        standing = [end for end in self.ends if self.lowest(end) < self.floor + STANDS * self.tall]
+        pairs = [two for two in combinations(standing, 2) if all(self._is_leg(e, self.common(*two)) for e in two)]
         if not pairs:
             raise FileFormatError(self._refusal("no two limbs of two or more hinges each point down to the floor"))
         # The rods and toes of one leg part late; the legs part first.
-        first = min(len(path_to(self.model, self.body.common(*pair))) for pair in pairs)
-        legs = [pair for pair in pairs if len(path_to(self.model, self.body.common(*pair))) == first]
-        pelvis = self.body.common(*legs[0])
+        first = min(len(path_to(self.model, self.common(*pair))) for pair in pairs)
+        legs = [pair for pair in pairs if len(path_to(self.model, self.common(*pair))) == first]
+        pelvis = self.common(*legs[0])
         branches: dict[int, list[int]] = {}
         for end in {end for pair in pairs for end in pair}:
-            branches.setdefault(self.body.branch(end, pelvis), []).append(end)
+            branches.setdefault(self.branch(end, pelvis), []).append(end)
         if len(branches) > 2:
             raise _StandsOtherwise(self._refusal(f"{len(branches)} limbs stand on the floor"))
-        if all(self._called_arm(self.body.limb(ends[0], pelvis)) for ends in branches.values()):
+        if all(self._called_arm(self.limb(ends[0], pelvis)) for ends in branches.values()):
             raise FileFormatError(self._refusal("by their names the two limbs that reach lowest are arms"))
         # Of the rods and the foot of one leg the foot reaches lowest.
-        return [min(ends, key=self.body.lowest) for ends in branches.values()]
+        return [min(ends, key=self.lowest) for ends in branches.values()]
 
     def _is_leg(self, end: int, pelvis: int) -> bool:
-        limb = self.body.limb(end, pelvis)
+        limb = self.limb(end, pelvis)
         if not can_bend(self.model, limb.joints):
             return False
-        way = self.body.sole(end) - self.data.xanchor[limb.joints[0]]
+        way = self.sole(end) - self.data.xanchor[limb.joints[0]]
         length = float(np.linalg.norm(way))
         return length >= LEG_SHARE * self.tall and -way[2] >= DOWN * length
 
     def _arms(self, rest: list[int], centre: Array, left: Array) -> dict[str, int]:
         """The ends of the right and the left arm, "r" and "l", as far as it has them."""
-        across = {e: float((self.body.tip(e) - centre) @ left) for e in rest}
+        across = {e: float((self.tip(e) - centre) @ left) for e in rest}
         found = {side: max(rest, key=lambda e: sign * across[e]) for side, sign in (("r", -1.0), ("l", 1.0)) if rest}
         far = CLAVICLE_SHARE * self.tall
         found = {side: end for side, end in found.items() if (across[end] if side == "l" else -across[end]) >= far}
@@ -230,18 +228,18 @@ class _Matcher:
         # Of the fingers of a hand, one at the end of the most joints.
         arms = {
             side: max(
-                (e for e in rest if self.body.branch(e, chest) == self.body.branch(arm, chest)),
-                key=lambda e: (len(self.body.limb(e, chest).joints), float(np.linalg.norm(self.body.tip(e)))),
+                (e for e in rest if self.branch(e, chest) == self.branch(arm, chest)),
+                key=lambda e: (len(self.limb(e, chest).joints), float(np.linalg.norm(self.tip(e)))),
             )
             for side, arm in found.items()
         }
-        stiff = {arm for arm in arms.values() if not can_bend(self.model, self.body.limb(arm, chest).joints)}
+        stiff = {arm for arm in arms.values() if not can_bend(self.model, self.limb(arm, chest).joints)}
         return self._arms([e for e in rest if e not in stiff], centre, left) if stiff else arms
 
     def _chest(self, arms: list[int], left: Array) -> int:
         """Where two arms part; of one arm, the last body that moves with its hinges near the middle of the body."""
         if len(arms) > 1:
-            return self.body.common(*arms)
+            return self.common(*arms)
         path, chest = path_to(self.model, arms[0]), self.root
         for body in path[path.index(self.root) + 1 :]:
             if hinges_at(self.model, body):
@@ -263,21 +261,21 @@ class _Matcher:
             return None
         path = path_to(self.model, max(middle, key=lambda e: float(high[e][2])))
         above = [body for body in path[path.index(chest) + 1 :] if hinges_at(self.model, body)]
-        size = {body: self.body.size(body) for body in above}
+        size = {body: self.size(body) for body in above}
         return next(body for body in reversed(above) if size[body] >= EYES * max(size.values()))
 
     def _ahead(self, legs: list[int], pelvis: int) -> Array:
         """The horizontal direction across the line between the legs that is ahead."""
-        hips = np.array([self.data.xanchor[self.body.limb(leg, pelvis).joints[0]] for leg in legs])
+        hips = np.array([self.data.xanchor[self.limb(leg, pelvis).joints[0]] for leg in legs])
         line = hips[1] - hips[0]
         line[2] = 0.0
         across = np.array([line[1], -line[0], 0.0]) / max(float(np.linalg.norm(line)), 1e-9)
         reach, seen, folding = 0.0, True, True
         for leg in legs:
-            limb = self.body.limb(leg, pelvis)
-            knee = self.body.possible_bends(limb, limb)[0]
-            ankle = self.body.end_joint(limb, knee)
-            ahead = self.body.front_direction(limb, knee) @ across if ankle is None else 0.0
+            limb = self.limb(leg, pelvis)
+            knee = self.possible_bends(limb, limb)[0]
+            ankle = self.end_joint(limb, knee)
+            ahead = self.front_direction(limb, knee) @ across if ankle is None else 0.0
             last, seen = (limb.joints[-1], False) if ankle is None else (ankle, seen)
             mine = np.isin(self.surface.body, below(self.model, int(self.model.jnt_bodyid[last])))
             folding = folding and (ahead != 0.0 or ankle is not None)
@@ -286,7 +284,7 @@ class _Matcher:
             elif mine.any():
                 ends = (self.points[mine] - self.data.xanchor[last]) @ across
                 reach += float(ends.max() + ends.min())
-        names = [self.body.name(leg) for leg in legs]
+        names = [self.name(leg) for leg in legs]
         second_is_left = is_left(names[1], names[0])
         if second_is_left is None and abs(reach) < 0.01 * self.tall:
             raise FileFormatError(
@@ -310,7 +308,7 @@ class _Matcher:
     def _called_arm(self, limb: RobotLimb) -> bool:
         """Whether the names of a limb's joints and bodies are an arm's, and none a leg's."""
         bodies = (int(self.model.jnt_bodyid[joint]) for joint in limb.joints)
-        names = [self.model.joint(joint).name for joint in limb.joints] + [self.body.name(body) for body in bodies]
+        names = [self.model.joint(joint).name for joint in limb.joints] + [self.name(body) for body in bodies]
         words = " ".join(names).lower()
         return any(word in words for word in _ARM_WORDS) and not any(word in words for word in _LEG_WORDS)
 

@@ -34,7 +34,7 @@ class Carried:
     played: Array  # the same after the target limiter, shape (T, J), rad
     qpos: Array  # the robot that plays them, shape (T, nq)
     limbs: Array  # directions of the human's limbs in the world, as of `human_lines`, shape (T, 16, 3)
-    altered: float  # share of the joint targets that the limiter changed
+    altered: float = 0.0  # share of the joint targets that the limiter changed
 
 
 def carry(clip: Clip, robot: Robot, limiter: Limiter) -> Carried:
@@ -56,11 +56,6 @@ def carry(clip: Clip, robot: Robot, limiter: Limiter) -> Carried:
         qpos.append(state.copy())
     altered = sum(limited.changed) / max(len(clip) * len(robot.joints), 1)
     return Carried(np.array(wanted), np.array(played), np.array(qpos), lines_for(robot, clip), altered)
-
-
-def followed(clip: Clip, robot: Robot, angles: Array, qpos: Array) -> Carried:
-    """A clip that was retargeted without a limiter: joints (T, J), rad, and robot (T, nq)."""
-    return Carried(angles, angles, qpos, lines_for(robot, clip), 0.0)
 
 
 def lines_for(robot: Robot, clip: Clip) -> Array:

@@ -24,7 +24,7 @@ from motiondeck_base.files import write_file
 from motiondeck_base.jobs import EVERY_CORE, Jobs, spread
 from sim.models.robot_file import Solver
 from sim.robots.carried_findings import carried_findings, joint_findings, segment_angles
-from sim.robots.fidelity import floor_measures, followed, joint_measures
+from sim.robots.fidelity import Carried, floor_measures, joint_measures, lines_for
 from sim.robots.joint_motion import JointMotion, retargeted
 from sim.robots.limb_directions import LimbDirections
 from sim.robots.robot import Robot, RobotLoader
@@ -119,7 +119,7 @@ def _places(paths: Sequence[Path], format: Format) -> dict[Path, Path]:
     for recording, place in places.items():
         other = taken.setdefault(place, recording)
         if other != recording:
-            raise MotiondeckError(f"{recording} and {other} would both be {place}. Retarget them in separate runs.")
+            raise MotiondeckError(f"{recording} and {other} would both become {place}. Retarget them separately.")
     return places
 
 
@@ -203,7 +203,7 @@ def _carried_at(
     """A clip on the robot at the clip's rate, with measures as of `RetargetedFile`, and the findings."""
     file, robot = loader.file, loader(clip.skeleton, solver, 1.0 / clip.rate)
     motion = retargeted(robot, clip)
-    carried = followed(clip, robot, motion.angles, motion.qpos)
+    carried = Carried(motion.angles, motion.angles, motion.qpos, lines_for(robot, clip))
     counts = joint_measures(clip, robot, carried)
     found = joint_findings(counts)
     limbs: dict[str, tuple[float, float]] = {}

@@ -31,8 +31,7 @@ from sim.models.formats.urdf_visuals import with_visuals
 from sim.models.joint_layout import JointLayout
 from sim.models.kinematic_tree import UprightPelvis
 from sim.models.mannequin.mannequin import build_mannequin
-from sim.models.model_file import read_model
-from sim.models.own_figures import motors_of, set_joints
+from sim.models.model_file import motors_of, read_model, set_joints
 from sim.models.robot_file import JointLimit, RobotFile, Row, Solver, read_robot_file
 from sim.models.scenery import add_gantry, add_lamp, set_stage
 from sim.models.servo_motor import Motors, ServoMotor, strength

@@ -9,6 +9,7 @@ import re
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
+from xml.dom import expatbuilder
 from xml.parsers import expat
 
 from motiondeck_base.errors import FileFormatError
@@ -74,37 +75,17 @@ def model_kind(path: Path) -> str:
 
 def urdf_speeds(path: Path) -> dict[str, float]:
     """The plausible speed limits of a URDF's joints, rad/s; empty for another file. FileFormatError for a DOCTYPE."""
-    speeds: dict[str, float] = {}
-    joint = ""
-    is_urdf: bool | None = None
-
-    def start(tag: str, attributes: dict[str, str]) -> None:
-        nonlocal joint, is_urdf
-        if is_urdf is None:
-            is_urdf = tag == "robot"
-        if tag == "joint":
-            joint = attributes.get("name", "")
-        elif tag == "limit" and joint and is_urdf:
-            speed = _number(attributes.get("velocity", ""))
-            if 0.0 < speed <= FASTEST:
-                speeds[joint] = speed
-
-    def end(tag: str) -> None:
-        nonlocal joint
-        if tag == "joint":
-            joint = ""
-
-    def doctype(*_: object) -> None:
+    text = _COMMENT.sub("", xml_text(path))
+    if "<!DOCTYPE" in text:
         raise FileFormatError(f"{path}: it declares a document type (<!DOCTYPE ...>); take that out")
-
-    parser = expat.ParserCreate()
-    parser.StartElementHandler, parser.EndElementHandler = start, end
-    parser.StartDoctypeDeclHandler = doctype
     try:
-        parser.Parse(xml_text(path), True)
+        model = expatbuilder.parseString(text, namespaces=False).documentElement
     except expat.ExpatError:
         return {}  # MuJoCo reports the error
-    return speeds
+    joints = model.getElementsByTagName("joint") if model is not None and model.tagName == "robot" else []
+    limits = [(joint.getAttribute("name"), limit) for joint in joints for limit in joint.getElementsByTagName("limit")]
+    speeds = {joint: _number(limit.getAttribute("velocity")) for joint, limit in limits}
+    return {joint: speed for joint, speed in speeds.items() if joint and 0.0 < speed <= FASTEST}
 
 
 def _number(words: str) -> float:

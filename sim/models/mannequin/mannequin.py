@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from controller.motion.anatomy import Anatomy, Part, anatomy
-from controller.motion.rotations import Array, from_matrix
+from controller.motion.rotations import from_matrix
 from controller.motion.skeleton import ROOT, Skeleton, thesis_skeleton
 from sim.models.gravity import GRAVITY
 from sim.models.mannequin.solids import Solid, bone_solids, limb_inertia, masses, pelvis_solids
@@ -111,17 +111,6 @@ def _size(solid: Solid) -> list[float]:
     return [a, b, c] if solid.shape == "ellipsoid" else [a, max(c, 1e-4), 0.0]
 
 
-def _felt_inertia(model: mujoco.MjModel) -> Array:
-    """The diagonal of the mass matrix in the initial pose, shape (nv,)."""
-    data = mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
-    diagonal, moved = np.empty(model.nv), np.empty(model.nv)
-    for dof, unit in enumerate(np.eye(model.nv)):
-        mujoco.mj_mulM(model, data, moved, unit)
-        diagonal[dof] = moved[dof]
-    return diagonal
-
-
 def _add_solids(body: mujoco.MjsBody, solids: list[Solid], mass: float, side: str) -> None:
     volume = sum(solid.volume for solid in solids)
     # One capsule along a limb collides as well as all its solids, in a tenth of the time.
@@ -144,13 +133,12 @@ def _add_solids(body: mujoco.MjsBody, solids: list[Solid], mass: float, side: st
 
 def _add_servos(spec: mujoco.MjSpec, skeleton: Skeleton, parts: Anatomy, height: float) -> None:
     model = spec.compile()
-    inertia = _felt_inertia(model)
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     standing = STANCE * float(model.body_mass.sum()) * GRAVITY * height
     for bone, name in enumerate(skeleton.bones):
         first, body = model.joint(name).dofadr[0], model.body(name).id
-        felt = inertia[first : first + 3].max()
+        felt = model.dof_M0[first : first + 3].max()
         # Mass below the joint times the distance of its centre.
         moment = model.body_subtreemass[body] * np.linalg.norm(data.subtree_com[body] - data.xpos[body])
         needs = [felt * SERVO_BANDWIDTH**2, moment * FLUNG[0] / FLUNG[1]]

@@ -15,7 +15,7 @@ from sim.models.servo_motor import ROOM
 from sim.physics.loads import Loads
 from sim.physics.played_motions import DT, PlayedMotion, poses_at, targets_at
 from sim.robots.carried_findings import carried_findings, segment_angles
-from sim.robots.fidelity import followed
+from sim.robots.fidelity import Carried, lines_for
 from sim.robots.limb_directions import LimbDirections
 from sim.robots.robot import Limiter, Robot
 from sim.robots.verdict import Finding, limited
@@ -184,6 +184,6 @@ class CarriedChecks:
         for k, pose in enumerate(poses):
             joints[k] = np.clip(retarget(pose), robot.limits.lower, robot.limits.upper)
             robot.place(joints[k], pose, qpos[k])
-        carried = followed(clip, robot, joints, qpos)
+        carried = Carried(joints, joints, qpos, lines_for(robot, clip))
         angles = segment_angles(robot, self._directions, carried, 1.0 / DT)
         return carried_findings(robot, self._directions, carried, angles)

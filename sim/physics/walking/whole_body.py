@@ -205,23 +205,21 @@ def widest_stance(
     For the standing posture, facing x, (nq,), the rotations of the feet's bodies with flat soles that point to x, their
     sides, 1 for left, (2,), and bounds of the answer, m; the last solution of `body` is lost.
     """
-    if all(_lands_flat(body, goal, flat, sides, most, foot) for foot in range(2)):
+
+    def lands_flat(foot: int, apart: float) -> bool:
+        places = [np.array([goal[0], goal[1] + 0.5 * side * apart, 0.0]) for side in sides]
+        stands = places[1 - foot]
+        body.plan.qpos[:] = goal
+        body.settle(goal, places, flat, (stands + SHIFTED * (places[foot] - stands))[:2])
+        turned = multiply(body.plan.xquat[body.bodies[foot]], conjugate(flat[foot]))
+        off_level = float(np.arccos(min(rotate(turned, UP)[2], 1.0)))
+        off_place = float(np.linalg.norm(body.sole(body.plan, foot) - places[foot]))
+        return off_level < FLAT and off_place < THERE * goal[2]
+
+    if all(lands_flat(foot, most) for foot in range(2)):
         return most
     for _ in range(HALVINGS):
         middle = 0.5 * (least + most)
-        if all(_lands_flat(body, goal, flat, sides, middle, foot) for foot in range(2)):
-            least = middle
-        else:
-            most = middle
+        flat_there = all(lands_flat(foot, middle) for foot in range(2))
+        least, most = (middle, most) if flat_there else (least, middle)
     return least
-
-
-def _lands_flat(body: WholeBody, goal: Array, flat: Sequence[Array], sides: Array, apart: float, foot: int) -> bool:
-    places = [np.array([goal[0], goal[1] + 0.5 * side * apart, 0.0]) for side in sides]
-    stands = places[1 - foot]
-    body.plan.qpos[:] = goal
-    body.settle(goal, places, flat, (stands + SHIFTED * (places[foot] - stands))[:2])
-    turned = multiply(body.plan.xquat[body.bodies[foot]], conjugate(flat[foot]))
-    off_level = float(np.arccos(min(rotate(turned, UP)[2], 1.0)))
-    off_place = float(np.linalg.norm(body.sole(body.plan, foot) - places[foot]))
-    return off_level < FLAT and off_place < THERE * goal[2]

@@ -81,11 +81,11 @@ def test_a_joint_may_differ_from_the_others(tmp_path):
             FileFormatError,
             "lower must be less than upper",
         ),
-        (GOOD.replace("30.0", "-1.0"), FileFormatError, r"limits\.velocity is -1; it must be a positive number"),
+        (GOOD.replace("30.0", "-1.0"), FileFormatError, r"line 5: .* of at least 0\.001 in \[limits\.velocity\]"),
         (GOOD.replace("30.0", '"fast"'), FileFormatError, r"robot\.toml line 5: .*limits\.velocity"),
         (GOOD.replace("30.0", "inf"), FileFormatError, r"limits\.velocity is inf"),
         (GOOD.replace('"mannequin"\n[', '"dog"\n['), FileFormatError, r"robot\.toml line 3: .*dog"),
-        (GOOD.replace("[limits]", "root_height = 0\n[limits]"), FileFormatError, "root_height is 0"),
+        (GOOD.replace("[limits]", "root_height = 0\n[limits]"), FileFormatError, r"0\.001 in \[root_height\]"),
         (GOOD.replace("[limits]", 'model = "x.xml"\n[limits]'), FileFormatError, "built, not loaded"),
         (GOOD.replace('kind = "mannequin"', 'kind = "humanoid"'), FileFormatError, "needs its MJCF or URDF file"),
         (
