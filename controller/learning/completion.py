@@ -66,9 +66,7 @@ def complete_body(points: Markers, labels: Sequence[str], known: Sequence[Clip],
     given = points.position[:, UnknownNameError.indices("point", labels, points.labels)].swapaxes(0, 1)
     ends = [label[1:] for label in labels if label[0] == "l" and "r" + label[1:] in labels]
     if not ends:
-        raise MotiondeckError(
-            f"{points.source}: give a point on the left and its twin on the right, such as lhan, rhan"
-        )
+        raise MotiondeckError(f"{points.source}: give a point with its twin on the right, such as lhan and rhan")
     if unseen := [label for label, place in zip(labels, given, strict=True) if np.isnan(place).all()]:
         raise MotiondeckError(f"{points.source}: {unseen[0]} is never seen. Name the other points in --from.")
     right, left = ([labels.index(side + end) for end in ends] for side in "rl")
@@ -105,15 +103,15 @@ def complete_joints(part: Clip, names: Sequence[str], known: Sequence[Clip]) -> 
     own, given = (UnknownNameError.indices("joint", names, bones) for bones in (joints, part.skeleton.bones))
     for clip in known:
         angles = angles_of(carried(clip, known[0].skeleton).rotation[:, 1:])
-        lessons += [(_window(angles[:, own, None], clip.rate * tempo)[..., 0], angles) for tempo in TEMPOS]
+        lessons += [(_window(angles[:, own], clip.rate * tempo), angles) for tempo in TEMPOS]
     seen = angles_of(part.rotation[:, 1:])[:, given]
-    whole = _regressed(lessons, _window(seen[..., None], part.rate)[..., 0])
+    whole = _regressed(lessons, _window(seen, part.rate))
     whole[:, own] = seen
     return taught_clip(part.name, joints, part.rate, whole, part.source, part.plays)
 
 
 def _window(values: Array, rate: float) -> Array:
-    """Values (T, K, D) at the moments about each, side by side, (T, W K, D); the ends are held."""
+    """Values (T, K, ...) at the moments about each, side by side, (T, W K, ...); the ends are held."""
     now, rows = np.arange(len(values), dtype=np.float64), values.reshape(len(values), -1)
     return np.concatenate([between_rows(rows, now, now + lag * rate).reshape(values.shape) for lag in WINDOW], axis=1)
 
