@@ -14,7 +14,7 @@ import numpy as np
 from controller.motion.rotations import Array
 from controller.wire.messages import commands
 from controller.wire.messages.commands import DeckCommand
-from motiondeck.export.c_folder import SOURCES
+from motiondeck.export.c_folder import PLAYER
 from motiondeck.export.figure import Figure, words_of
 from motiondeck.export.golden import Script, Trace, spelled
 
@@ -25,7 +25,7 @@ class CPlayer:
     """The player, compiled in a folder with further flags of the compiler."""
 
     def __init__(self, folder: Path, flags: Sequence[str] = ()) -> None:
-        for source in (*SOURCES, Path(__file__).with_name("_replay.c")):
+        for source in (*PLAYER, Path(__file__).with_name("_replay.c")):
             shutil.copy(source, folder)
         self._program, self._figure = folder / "replay", folder / "replayed.bin"
         words = ["cc", "-std=c99", "-O1", "-ffp-contract=off", *flags, "-o", self._program]

@@ -36,8 +36,7 @@ def export(
     """
     from hardware.rig.rig_file import load_rig
     from motiondeck.cli.common.tables import show_table
-    from motiondeck.export.arduino_library import write_arduino
-    from motiondeck.export.c_folder import write_c
+    from motiondeck.export.c_folder import write_arduino, write_c
     from motiondeck.export.source import open_figure
 
     if target == "arduino" and rig is None:

@@ -1,26 +1,24 @@
-"""Writes a figure as a folder of C: the player, the words, and a self-test that replays golden traces of the deck."""
+"""Writes a figure as C: a folder with a self-test that replays golden traces of the deck, or an Arduino library."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import numpy as np
 
+from hardware.rig.rig_file import RigConfig
 from motiondeck.export.figure import Figure
 from motiondeck.export.golden import EVERY, LASTS, deck_trace, golden_script, spelled
+from motiondeck_base.errors import FileFormatError, MotiondeckError
 from motiondeck_base.files import write_file
 
 _HERE = Path(__file__).parent
-SOURCES = [_HERE / name for name in ("player.c", "player.h", "selftest.c", "Makefile")]
-SOURCES.append(_HERE.parents[1] / "controller" / "loop" / "safety" / "envelope.c")
+SKETCHES = _HERE / "arduino"
+PLAYER = [_HERE / "player.c", _HERE / "player.h", _HERE.parents[1] / "controller" / "loop" / "safety" / "envelope.c"]
+REGISTERS = {"SERVO_GOAL": "goal_position", "SERVO_PRESENT": "present_position", "SERVO_WATCHDOG": "bus_watchdog"}
 
 
 def write_c(figure: Figure, folder: Path) -> None:
     """Writes the folder; FileFormatError if a file cannot be written."""
-    folder.mkdir(parents=True, exist_ok=True)
-    for source in SOURCES:
-        write_file(folder / source.name, source.read_bytes())
-    write_file(folder / "figure.bin", figure.words)
-    write_file(folder / "figure.h", figure_header(figure))
     names = figure.library.network.motions
     script = golden_script(names)
     calls = [(tick, *spelled(command, names)) for tick, command in script]
@@ -28,16 +26,49 @@ def write_c(figure: Figure, folder: Path) -> None:
     angles = _lines(f"{angle:.6f}f" for angle in deck_trace(figure, script, LASTS).targets[::EVERY].ravel())
     head = f"/* What the deck plays, rad */\n#define GOLDEN_TICKS {LASTS}\n#define GOLDEN_EVERY {EVERY}\n"
     given = f"static const golden_command golden_commands[] = {{\n{rows}"
-    write_file(folder / "golden.h", f"{head}{given}static const float golden_angles[] = {{\n{angles}".encode())
+    golden = f"{head}{given}static const float golden_angles[] = {{\n{angles}".encode()
+    files = {name: (_HERE / name).read_bytes() for name in ("selftest.c", "Makefile")} | _player(figure)
+    write_folder(folder, files | {"figure.bin": figure.words, "golden.h": golden})
 
 
-def figure_header(figure: Figure) -> bytes:
-    """The words of a figure as C."""
+def write_arduino(figure: Figure, rig: RigConfig, folder: Path) -> None:
+    """Writes the library for the servos of a rig; MotiondeckError if they are not Dynamixel servos of one kind."""
+    servos = [(joint, *one) for joint, row in enumerate(rig.joints) for one in enumerate(row.servos)]
+    tables = {tuple(one.table.registers.get(name) for name in REGISTERS.values()) for _, _, one in servos}
+    if len(tables) > 1 or None in (registers := tables.pop()):
+        raise MotiondeckError("the sketch drives Dynamixel servos with a bus watchdog, whose registers are alike")
+    defined = {name: register.address for name, register in zip(REGISTERS, registers, strict=True) if register}
+    defined |= {"SERVOS": len(servos), "SERVO_BAUD": rig.baud, "SERVO_WATCHDOG": -(-rig.watchdog_ms // 20)}
+    lines = [*(f"#define {name} {value}" for name, value in defined.items()), "static const md_servo servos[] = {"]
+    for joint, second, one in servos:
+        scale = f"{one.zero}, {one.pulses_per_radian:.5f}f"
+        lines.append(f"{{{joint}, {second}, {one.id}, {one.mode}, {scale}}}, /* {one.name} */")
+    files = {str(file.relative_to(SKETCHES)): file.read_bytes() for file in SKETCHES.rglob("*.*") if file.is_file()}
+    for name, content in _player(figure).items():  # a board compiles each .c file
+        files["src/" + name.replace(".c", ".inc")] = content.replace(b'envelope.c"', b'envelope.inc"')
+    write_folder(folder, files | {"src/servos.h": "\n".join([*lines, "};\n"]).encode()})
+
+
+def _player(figure: Figure) -> dict[str, bytes]:
+    """The player with room for the joints of a figure, and its words as C."""
     words = _lines(f"0x{word:08x}u" for word in np.frombuffer(figure.words, "<u4"))
     head = f"/* {figure.library.info.name} */\n#define FIGURE_JOINTS {len(figure.rest)}\n#include <stdint.h>\n"
-    return f"{head}static const uint32_t figure[] = {{\n{words}".encode()
+    most = b"#define MD_MOST_JOINTS %d" % len(figure.rest)
+    files = {file.name: file.read_bytes().replace(b"#define MD_MOST_JOINTS 32", most) for file in PLAYER}
+    return files | {"figure.h": f"{head}static const uint32_t figure[] = {{\n{words}".encode()}
 
 
 def _lines(values: Iterable[str]) -> str:
     every = list(values)
     return ",\n".join(", ".join(every[at : at + 10]) for at in range(0, len(every), 10)) + "};\n"
+
+
+def write_folder(folder: Path, files: Mapping[str, bytes]) -> None:
+    """Writes files by their places in a folder; FileFormatError if one cannot be written."""
+    for name, content in files.items():
+        file = folder / name
+        try:
+            file.parent.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise FileFormatError.unwritable(file, error) from None
+        write_file(file, content)

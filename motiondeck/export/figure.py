@@ -40,7 +40,7 @@ from motiondeck_base.errors import MotiondeckError
 
 MOST_BYTES = 8192  # of the keys of a motion
 FARTHEST = 0.005  # rad, of a joint in a figure from where its network has it
-MOST_JOINTS, MOST_RATE = 64, 200.0
+MOST_JOINTS, MOST_MOTIONS, MOST_RATE = 64, 256, 200.0
 _HEADER = 11  # words
 _MOTION = np.dtype(
     [(f"whole{n}", "<u4") for n in range(9)] + [(f"real{n}", "<f4") for n in range(6)] + [("name", "<u4")]
@@ -77,18 +77,13 @@ def figure_of(
     for name in names:
         library.network[name]  # UnknownNameError
     chosen = sorted((one for one in library.info.motions if one.name in names), key=lambda one: names.index(one.name))
-    if not library.skeleton.is_rig:
-        raise MotiondeckError("its motions are those of a human; bake it for a robot: motiondeck library bake")
     if library.network.as_phase_network is None and library.network.as_crossing is None:
-        raise MotiondeckError(
-            f"a {library.info.network} network may lose its place; only those that keep it are exported"
-        )
+        raise MotiondeckError(f"a {library.info.network} network may lose its place in a motion: it is not exported")
     if driven := [one.name for one in chosen if one.input is not None]:
         raise MotiondeckError(f"{driven[0]} has an input besides its phase; leave it out with --motions")
-    if not 1.0 <= rate <= MOST_RATE or len(joints) > MOST_JOINTS:
-        raise MotiondeckError(
-            f"{len(joints)} joints at {rate:g} Hz; at most {MOST_JOINTS} and {MOST_RATE:g} Hz are played"
-        )
+    if not 1.0 <= rate <= MOST_RATE or len(joints) > MOST_JOINTS or len(names) > MOST_MOTIONS:
+        asked = f"{len(joints)} joints and {len(names)} motions at {rate:g} Hz"
+        raise MotiondeckError(f"{asked}; at most {MOST_JOINTS}, {MOST_MOTIONS} and {MOST_RATE:g} Hz are played")
     check_limits(limits)
     stored: Any = library.encoding  # of joints, as every rig's
     rooted, bones = tuple(joints[-len(ROOT) :]) == ROOT, library.skeleton.bones

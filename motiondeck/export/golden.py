@@ -15,18 +15,8 @@ from controller.loop.safety.compiled_envelope import safety_envelope
 from controller.loop.stop_requests import StopRequest
 from controller.motion.encodings.joint_angles import JointRetargeter
 from controller.motion.rotations import Array
-from controller.wire.messages.commands import (
-    DeckCommand,
-    EmergencyStop,
-    Heartbeat,
-    Jump,
-    Pause,
-    Queue,
-    Reset,
-    Resume,
-    SetTempo,
-    Switch,
-)
+from controller.wire.messages import commands
+from controller.wire.messages.commands import DeckCommand
 from controller.wire.messages.replies import Accepted
 from motiondeck.export.figure import Figure
 
@@ -44,13 +34,13 @@ class Trace:
     accepted: list[bool]  # of each command
 
 
+@dataclass(frozen=True)
 class _Start:
     """Joints that are measured at the start."""
 
-    held, at_rest = None, True
-
-    def __init__(self, measured: Array | None) -> None:
-        self.measured = measured
+    measured: Array | None
+    held: None = None
+    at_rest: bool = True
 
 
 def deck_trace(
@@ -65,7 +55,14 @@ def deck_trace(
     deck, stop = Deck(library, retarget(), library.network.motions[0]), StopRequest()
     deck.layers = Layers(library, joints, figure.limits, groups, retarget)
     source, run = Source(deck, dt), CommandedRun(deck)
-    steps = safe_targets(source, [_Start(measured)], safety_envelope(figure.limits, dt), stop, np.inf, None)
+    steps = safe_targets(
+        source,
+        [_Start(measured)],
+        safety_envelope(figure.limits, dt),
+        stop,
+        np.inf,
+        None,
+    )
     due, accepted = list(script), list[bool]()
     targets, safe = np.empty((2, ticks, len(figure.rest)))
     for tick in range(ticks):
@@ -76,30 +73,32 @@ def deck_trace(
     return Trace(targets, safe, accepted)
 
 
-def golden_script(names: Sequence[str]) -> list[tuple[int, DeckCommand]]:
+LASTS, EVERY = 1200, 12  # ticks of the golden trace; each EVERY-th is kept
+
+
+def golden_script(names: Sequence[str]) -> Script:
     """Commands of every kind, within LASTS ticks; no angle after them depends on where joints were held."""
     one, other, last = names[1 % len(names)], names[2 % len(names)], names[-1]
-    first: list[DeckCommand] = [Switch(to=one), SetTempo(factor=1.5, over=0.3), Switch(to=last, direct=True)]
-    then = [Switch(to=other, direct=True), SetTempo(factor=-0.8), Jump(phase=0.4), Pause(), Switch(to=names[0])]
-    given = [*first, *then, Resume(), SetTempo(factor=1.0), Queue(to=other), EmergencyStop()]
+    given: list[DeckCommand] = [
+        *(commands.Switch(to=one), commands.SetTempo(factor=1.5, over=0.3), commands.Switch(to=last, direct=True)),
+        *(commands.Switch(to=other, direct=True), commands.SetTempo(factor=-0.8), commands.Jump(phase=0.4)),
+        *(commands.Pause(), commands.Switch(to=names[0]), commands.Resume(), commands.SetTempo(factor=1.0)),
+        *(commands.Queue(to=other), commands.EmergencyStop()),
+    ]
     return list(zip((60, 150, 200, 215, 300, 400, 470, 500, 560, 570, 600, 1100), given, strict=True))
-
-
-LASTS, EVERY = 1200, 12  # ticks of the golden trace; each EVERY-th is kept
-_KINDS = {Switch: "s", Queue: "q", SetTempo: "t", Jump: "j", Pause: "p", Resume: "g", EmergencyStop: "e", Reset: "r"}
 
 
 def spelled(command: DeckCommand, names: Sequence[str]) -> tuple[str, int, float, float]:
     """A command for a player in C: its letter, the motion, and two numbers."""
-    kind = _KINDS.get(type(command), "h")
     match command:
-        case Switch(to=to, direct=direct):
-            return kind, names.index(to), float(direct), 0.0
-        case Queue(to=to):
-            return kind, names.index(to), 0.0, 0.0
-        case SetTempo(factor=factor, over=over):
-            return kind, 0, factor, over
-        case Jump(phase=value) | Heartbeat(within=value):
-            return kind, 0, value, 0.0
+        case commands.Switch(to=to, direct=direct):
+            return "s", names.index(to), float(direct), 0.0
+        case commands.Queue(to=to):
+            return "q", names.index(to), 0.0, 0.0
+        case commands.SetTempo(factor=factor, over=over):
+            return "t", 0, factor, over
+        case commands.Jump(phase=value) | commands.Heartbeat(within=value):
+            return ("j" if isinstance(command, commands.Jump) else "h"), 0, value, 0.0
         case _:
-            return kind, 0, 0.0, 0.0
+            letters = {commands.Pause: "p", commands.Resume: "g", commands.EmergencyStop: "e", commands.Reset: "r"}
+            return letters[type(command)], 0, 0.0, 0.0

@@ -763,6 +763,8 @@ static const float *approach(md_player *p) {
   return follow(p, targets);
 }
 
+static void halt(md_player *p) { p->paused = 1, p->tempo_rate = TEMPO_RATE; }
+
 static void set_phase(md_player *p, int phase) {
   if (phase == p->phase) return;
   p->phase = phase;
@@ -773,7 +775,7 @@ static void set_phase(md_player *p, int phase) {
 }
 
 const float *md_step(md_player *p) {
-  if (p->within > 0.0f && p->silent > p->within + SOON && !p->missed) p->missed = p->paused = 1;
+  if (p->within > 0.0f && p->silent > p->within + SOON && !p->missed) p->missed = 1, halt(p);
   p->silent += p->dt;
   if (p->way == HOLDING) {
     if (at_rest(p) && p->phase == BRAKING) set_phase(p, p->demanded ? LATCHED : HELD);
@@ -959,7 +961,7 @@ int md_live(md_player *p, int joint, float value, float seconds) {
 
 int md_pause(md_player *p) {
   if (stopped(p)) return MD_E_STOPPED;
-  p->paused = 1, p->tempo_rate = TEMPO_RATE;
+  halt(p);
   return 0;
 }
 
@@ -973,7 +975,7 @@ int md_resume(md_player *p) {
 void md_stop(md_player *p) {
   p->demanded = 1;
   set_phase(p, p->phase == HELD || p->phase == LATCHED ? LATCHED : BRAKING);
-  p->paused = 1, p->tempo_rate = TEMPO_RATE;
+  halt(p);
 }
 
 int md_reset(md_player *p) {

@@ -27,15 +27,15 @@ def open_figure(
     """
     if (robot is None) is (rig is None):
         raise MotiondeckError("name the robot with --robot, or the rig with --rig, whose joints play the motions")
-    file = find_library(library)
+    file, place = find_library(library), find_robot(str(robot)) if rig is None else find_rig(rig)
     loaded, rate = load_library(file), RATE
     try:
-        if rig is not None:
-            played, rate = robot_of(find_rig(rig), loaded.skeleton), load_rig(find_rig(rig)).rate_hz
-        else:
-            place = find_robot(str(robot))
-            loaded = loaded if loaded.skeleton.is_rig else _baked(file, place)
+        if not loaded.skeleton.is_rig:
+            loaded = _baked(file, None if rig else place)
+        if rig is None:
             played = RobotLoader(place)(loaded.skeleton)
+        else:
+            played, rate = robot_of(place, loaded.skeleton), load_rig(place).rate_hz
         if page is not None:
             return write_page(page, loaded, played, rate, motions)
         return figure_of(loaded, played.joints, played.limits, played.rest, rate, motions)
@@ -43,9 +43,12 @@ def open_figure(
         raise MotiondeckError(f"{file}: {error}") from None
 
 
-def _baked(file: Path, robot: Path) -> MotionLibrary:
-    baked = find_baked(RunSpec(robot=str(robot)), file, robot)
-    if baked is None:
-        again = f"motiondeck library bake {file.stem} --robot {robot.stem}"
-        raise MotiondeckError(f"its motions are those of a human, not yet carried to the joints: {again}")
-    return baked
+def _baked(file: Path, robot: Path | None) -> MotionLibrary:
+    if robot is None:
+        raise MotiondeckError(
+            "its motions are those of a human; give the file of one baked for a robot of these joints"
+        )
+    if baked := find_baked(RunSpec(robot=str(robot)), file, robot):
+        return baked
+    again = f"motiondeck library bake {file.stem} --robot {robot.stem}"
+    raise MotiondeckError(f"its motions are those of a human, not yet carried to the joints: {again}")

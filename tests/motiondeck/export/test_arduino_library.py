@@ -12,7 +12,7 @@ from command_line import motiondeck
 from controller.wire.messages.commands import EmergencyStop, Jump, Pause, Queue, Reset, Resume, SetTempo, Switch
 from hardware.rig.rig_file import load_rig
 from joint_libraries import joint_library
-from motiondeck.export.arduino_library import write_arduino
+from motiondeck.export.c_folder import write_arduino
 from motiondeck.export.figure import figure_of
 from motiondeck.export.golden import deck_trace
 from motiondeck.run.robots.rig_on_deck import robot_of

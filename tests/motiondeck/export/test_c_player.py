@@ -21,10 +21,11 @@ from controller.learning.training_set import TrainingSet
 from controller.library.motion_library import MotionLibrary
 from controller.wire.messages import commands
 from joint_libraries import RATE, joint_library
+from motiondeck.export import figure as figure_module
 from motiondeck.export.c_folder import write_c
 from motiondeck.export.figure import figure_of
 from motiondeck.export.golden import deck_trace
-from motiondeck_base.errors import MotiondeckError
+from motiondeck_base.errors import FileFormatError, MotiondeckError
 
 pytestmark = pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler")
 
@@ -71,6 +72,24 @@ def test_a_missed_heartbeat_pauses_and_a_given_one_does_not():
     assert np.ptp(deck.safe[-30:], axis=0).max() < 1e-6
 
 
+def test_after_a_missed_heartbeat_it_goes_on_whatever_the_tempo_was_on_its_way_to():
+    one, still = wide(figure()), commands.SetTempo(factor=1.0, over=5.0)
+    missed = [(90, still), (100, commands.Heartbeat(within=0.2)), (180, commands.Resume())]
+    deck = deck_trace(one, [(90, still), (121, commands.Pause()), (180, commands.Resume())], TICKS)
+    assert np.abs(player().trace(one, missed, TICKS).safe - deck.safe).max() < 1e-3
+    assert np.ptp(deck.safe[-30:], axis=0).max() > 0.01
+
+
+def test_a_folder_of_many_joints_builds_and_one_that_cannot_be_written_is_named(tmp_path):
+    library, many = joint_library(40, loops=1, shots=0), np.ones(40)
+    limits = JointLimits(-9.0 * many, 9.0 * many, 9.0 * many, 99.0 * many, 9e3 * many)
+    one = figure_of(library, [f"joint{k}" for k in range(40)], limits, 0.0 * many, 100.0)
+    write_c(one, tmp_path)
+    subprocess.run(["make", "-C", tmp_path], check=True, capture_output=True)
+    with pytest.raises(FileFormatError, match=r"player\.c/.*: cannot be written .*Check folder and free space"):
+        write_c(one, tmp_path / "player.c")
+
+
 @pytest.mark.thorough
 def test_sanitizers_find_nothing_and_a_damaged_figure_is_refused():
     one, checked = figure(), player(*SANITIZED)
@@ -107,13 +126,13 @@ def test_a_centralized_library_is_exported_as_its_network_plays_it():
         assert np.abs(MotionGenerator(one.library, name).frames(0.9, RATE)[1:] - played[:-1]).max() < 1e-3
 
 
-def test_what_does_not_fit_is_refused_with_the_remedy(tmp_path):
+def test_what_does_not_fit_is_refused_with_the_remedy(tmp_path, monkeypatch):
     library, names = joint_library(JOINTS), [f"joint{k}" for k in range(JOINTS)]
     with pytest.raises(MotiondeckError, match="joint3, which is no joint there"):
         figure_of(library, names[:3], LIMITS, 0.0 * ONES, 100.0)
     with pytest.raises(MotiondeckError, match="of joint 0 are too tight for 32-bit numbers at 100 Hz"):
         figure_of(library, names, replace(LIMITS, jerk=0.1 * ONES), 0.0 * ONES, 100.0)
-    with pytest.raises(MotiondeckError, match="at most 64"):
+    with pytest.raises(MotiondeckError, match="4 joints and 5 motions at 500 Hz; at most 64"):
         figure_of(library, names, LIMITS, 0.0 * ONES, 500.0)
     rough, many = joint_library(40), np.ones(40)
     rough.network._of["loop0"] += (
@@ -122,4 +141,9 @@ def test_what_does_not_fit_is_refused_with_the_remedy(tmp_path):
     limits = JointLimits(-9.0 * many, 9.0 * many, many, many, many)
     with pytest.raises(MotiondeckError, match="loop0 is too long: in 8192 bytes"):
         figure_of(rough, [f"joint{k}" for k in range(40)], limits, 0.0 * many, 100.0)
+    monkeypatch.setattr(figure_module, "MOST_MOTIONS", 4)
+    with pytest.raises(MotiondeckError, match="5 motions at 100 Hz; at most 64, 4"):
+        figure_of(library, names, LIMITS, 0.0 * ONES, 100.0)
+    human = motiondeck("export", "thesis15", "--rig", "servo20", "--out", tmp_path).stderr
+    assert "motions are those of a human; give the file of one baked" in human
     assert "name the robot with --robot, or the rig" in motiondeck("export", "thesis15", "--out", tmp_path).stderr

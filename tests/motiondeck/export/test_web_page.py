@@ -21,10 +21,9 @@ from controller.motion.encodings.robot_joints import RobotJoints
 from controller.networks.clip.network import ClipPlayer
 from controller.networks.keys import Keys
 from controller.wire.messages.commands import EmergencyStop, Jump, Pause, Queue, Reset, Resume, SetTempo, Switch
-from motiondeck.export.drawn_figure import drawn_figure
 from motiondeck.export.golden import deck_trace
 from motiondeck.export.source import open_figure
-from motiondeck.export.web_page import copy_player, write_page
+from motiondeck.export.web_page import copy_player, drawn_figure, write_page
 from motiondeck_base.shipped import find_library, find_robot
 from sim.models.joint_layout import JointLayout
 from sim.robots.robot import load_robot
