@@ -214,8 +214,7 @@ def clear_offsets(config: RigConfig, bus: Bus) -> list[str]:
     """Sets homing offset (as in the rig file) and drive mode (0), torque off; returns the changes, a line each."""
     config = config.servos
     left = [one for one in audit(config, bus) if one.register in ("homing_offset", "drive_mode")]
-    settle(left, config, bus)
-    return [f"{one.joint} (id {one.id}): {one.register} was {one.found} and is {one.needed}" for one in left]
+    return list(settle(left, config, bus))
 
 
 def save_progress(sweep: Sweep, path: Path) -> None:

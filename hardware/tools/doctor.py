@@ -90,8 +90,10 @@ def examine(config: RigConfig, bus: Bus) -> Report:
             problems.append(f"{name} {_no_answer(bus)}")
             missing += [] if bus.garbled else [joint.id]
             continue
-        if wrong := _not_its_servo(joint, identity):
-            problems.append(f"{name} {wrong}")
+        mute = identity.model_number == UNKNOWN_MODEL and identity.family is joint.table.family
+        if mute or identity.model != joint.model:
+            other = f"answers as {identity.model}, not as {joint.model}: correct the rig file"
+            problems.append(f"{name} {_SILENT if mute else other}")
             continue
         try:
             servo = _ask(joint, identity, bus)
@@ -193,14 +195,6 @@ def _no_answer(bus: Bus) -> str:
     return f"does not answer at {bus.baud} baud: check power, cable, id; try motiondeck rig scan"
 
 
-def _not_its_servo(joint: RigJoint, identity: Identity) -> str:
-    if identity.model_number == UNKNOWN_MODEL and identity.family is joint.table.family:
-        return _SILENT
-    if identity.model != joint.model:
-        return f"answers as {identity.model}, not as {joint.model}: correct the rig file"
-    return ""
-
-
 def _longest_tick(config: RigConfig, servos: Sequence[ServoReport]) -> float:
     """The longest tick of a rig on its wire, s; of a servo that did not answer, as if it never waited."""
     firmware = {servo.id: servo.firmware for servo in servos}
@@ -255,9 +249,9 @@ def fix_settings(config: RigConfig, bus: Bus, keep: Callable[[ServoBackup], obje
                 continue
             write_each(one, bus, "bus_watchdog", [0])  # one that has tripped locks the goals
             limits = [difference for difference in differences if difference.when != "switch-on"]
-            done.extend(_settle_each(limits, one, bus))
+            done.extend(settle(limits, one, bus))
             # Goal PWM and torque limit follow their limits.
-            done.extend(_settle_each(_to_set(one, bus) if limits else differences, one, bus))
+            done.extend(settle(_to_set(one, bus) if limits else differences, one, bus))
         except (ServoError, RigError) as error:
             refused.append(f"{joint.name}: {error}")
     return Fixed(done, refused)
@@ -273,12 +267,6 @@ def _answer_level(joint: RigJoint, bus: Bus) -> int:
         return read_register(joint, bus, "status_return_level")
     except NoReplyError:
         return 0
-
-
-def _settle_each(differences: Iterable[Difference], config: RigConfig, bus: Bus) -> Iterator[str]:
-    for one in differences:
-        settle([one], config, bus)
-        yield f"{one.joint} (id {one.id}): {one.register} was {one.found} and is {one.needed}"
 
 
 def _ask(joint: RigJoint, identity: Identity, bus: Bus) -> ServoReport:

@@ -125,26 +125,19 @@ def _register_like_xm430(row: Row, torque: int, rad_per_s: float) -> Register:
     like = _COMMON.get(row.name)
     if like is None or like.length != row.length:
         return _plain_register(row, torque, rad_per_s)
-    if row.name.startswith("indirect_address_"):
-        cell = int(row.name.rpartition("_")[2]) - 1
-        return replace(like, address=row.address, default=None if cell < 0 else like.default)
     scale = _rpm(rad_per_s) if like.unit == "rpm" and rad_per_s else like.scale
     return replace(like, address=row.address, scale=scale)
 
 
 def _plain_register(row: Row, torque: int, rad_per_s: float) -> Register:
     like = _COMMON.get(row.name)
-    signed = (
-        (like.signed and like.length == row.length)
-        if like is not None
-        else row.name == "present_load" or row.name.endswith("_offset")
-    )
+    signed = row.name == "present_load" or row.name.endswith("_offset")
+    signed = signed if like is None else like.signed and like.length == row.length
     # The Y series counts positions from -half a turn to +half a turn.
     signed = signed or (row.name.endswith("position_limit") and row.length == 4)
     bits = 8 * row.length
     unit, scale = ("", 1.0) if like is None else (like.unit, like.scale)
-    if unit == "rpm":
-        scale = _rpm(rad_per_s) if rad_per_s else scale
+    scale = _rpm(rad_per_s) if unit == "rpm" and rad_per_s else scale
     return Register(
         name=row.name,
         address=row.address,

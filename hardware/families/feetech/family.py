@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from functools import partial
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hardware.families import plain_frames as instructions
 from hardware.families.family import Family, Identification
@@ -37,29 +38,21 @@ def group_read(blocks: Blocks, fast: bool) -> GroupRead:
     if any(block[1:] != (address, length) for block in blocks):
         raise ValueError("a sync read is about the same registers of all")
     frame = instructions.read(*blocks[0]) if len(ids) == 1 else instructions.sync_read(address, length, ids)
-    parts = partial(in_order, PlainParser, as_status, ids, (length,) * len(ids))
-    needed = len(ids) * status_length(length)
-    return GroupRead(frame, False, ids, (length,) * len(ids), _Format(ids, length).whole, needed, parts)
+    heads = np.frombuffer(b"".join(HEADER + bytes((id, length + 2)) for id in ids), dtype=np.uint8).reshape(-1, BEFORE)
+    lengths, stride = (length,) * len(ids), status_length(length)
+    parts = partial(in_order, PlainParser, as_status, ids, lengths)
+    return GroupRead(frame, False, ids, lengths, partial(_whole, heads, stride), len(ids) * stride, parts)
 
 
-class _Format:
-    """How the statuses of some servos look, `length` bytes each, when all have come."""
-
-    def __init__(self, ids: bytes, length: int) -> None:
-        heads = b"".join(HEADER + bytes((id, length + 2)) for id in ids)
-        self._heads = np.frombuffer(heads, dtype=np.uint8).reshape(len(ids), BEFORE)
-        self._shape = len(ids), status_length(length)
-
-    def whole(self, received: bytes) -> WholeReply | None:
-        """The statuses if all are there, undamaged and alone; else None."""
-        count, stride = self._shape
-        if len(received) != count * stride:
-            return None
-        rows = np.frombuffer(received, dtype=np.uint8).reshape(self._shape)
-        # A checksum is the inverse of the sum before it: with it, each sum ends in FF.
-        if not np.array_equal(rows[:, :BEFORE], self._heads) or (np.add.reduce(rows[:, 2:], 1, np.uint8) != 0xFF).any():
-            return None
-        return whole_reply((received, stride, BEFORE, BEFORE + 1, _PROBLEMS, 1))
+def _whole(heads: NDArray[np.uint8], stride: int, received: bytes) -> WholeReply | None:
+    """The statuses, which begin with `heads`, if all are there, undamaged and alone; else None."""
+    if len(received) != len(heads) * stride:
+        return None
+    rows = np.frombuffer(received, dtype=np.uint8).reshape(-1, stride)
+    # A checksum is the inverse of the sum before it: with it, each sum ends in FF.
+    if not np.array_equal(rows[:, :BEFORE], heads) or (np.add.reduce(rows[:, 2:], 1, np.uint8) != 0xFF).any():
+        return None
+    return whole_reply((received, stride, BEFORE, BEFORE + 1, _PROBLEMS, 1))
 
 
 FAMILY = Family(

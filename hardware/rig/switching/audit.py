@@ -46,13 +46,6 @@ _LAST_ID, _NO_SECOND_ID = 252, 255
 _COOLEST_LIMIT = 40  # degC: with a lower one a servo shuts down where it is warm
 _ROUNDED_UP = 1.01  # of a limit: a register may hold so much of it
 _SLOW_ANSWER = 10  # counts of 2 us that do no harm
-_COMPARED = {
-    "drive_mode", "homing_offset", "secondary_id", "startup_configuration", "shutdown", "temperature_limit",
-    "velocity_limit", "acceleration_limit", "pwm_limit", "current_limit", "operating_mode", "min_position_limit",
-    "max_position_limit", "return_delay_time", "goal_pwm", "goal_current", "control_mode", "multi_turn_offset",
-    "resolution_divider", "torque_control_mode", "torque_limit", "max_torque", "status_return_level", "goal_time",
-    *_GAINS,
-}  # fmt: skip
 _WHY = {
     "drive_mode": "reversed, led by another servo, with a profile in time, or with torque that a goal takes on",
     "homing_offset": "its zero is elsewhere",
@@ -69,6 +62,10 @@ _WHY = {
     "status_return_level": "it leaves instructions unanswered",
     "return_delay_time": "it waits before each answer, in counts of 2 us",
 }
+_COMPARED = {
+    *_WHY, *_GAINS, "operating_mode", "control_mode", "torque_control_mode", "min_position_limit", "max_position_limit",
+    "current_limit", "goal_current", "goal_pwm", "goal_time", "torque_limit",
+}  # fmt: skip
 
 
 When = Literal["switch-on", "refused", "advised", "kept"]
@@ -106,8 +103,8 @@ def audit(config: RigConfig, bus: Bus) -> list[Difference]:
     return found
 
 
-def settle(differences: Iterable[Difference], config: RigConfig, bus: Bus) -> None:
-    """Writes what the rig needs where it differs, but nothing "kept". EEPROM registers are locked while torque is on.
+def settle(differences: Iterable[Difference], config: RigConfig, bus: Bus) -> Iterator[str]:
+    """Writes what the rig needs where it differs, but nothing "kept", and says so, one by one; torque must be off.
 
     ServoError if a servo refuses; a locked EEPROM stays so until its power is off.
     """
@@ -125,6 +122,7 @@ def settle(differences: Iterable[Difference], config: RigConfig, bus: Bus) -> No
             raise RefusedError(
                 f"id {id} keeps its EEPROM locked, and its {register.name} cannot be set: switch its power off and on."
             ) from error
+        yield f"{difference.joint} (id {id}): {difference.register} was {difference.found} and is {difference.needed}"
 
 
 def in_counts(joint: RigJoint, name: str, limit: float) -> int:

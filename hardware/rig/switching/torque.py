@@ -68,7 +68,8 @@ def switch_on(
         refused = [str(difference) for difference in differences if difference.when == "refused"]
         if refused:
             raise RigError(f"{'; '.join(refused)}. Set it with motiondeck rig doctor RIG --fix.")
-        settle((difference for difference in differences if difference.when == "switch-on"), config, bus)
+        for _ in settle((one for one in differences if one.when == "switch-on"), config, bus):
+            pass
         held = hold_still(config, bus, believed)
         if cancelled():
             raise RigError("the rig was closed before torque was on.")

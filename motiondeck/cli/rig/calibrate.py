@@ -110,21 +110,16 @@ def _measure(sweep: Sweep, parts: list[tuple[RigConfig, Bus]], part: Path, typed
         if line is None:
             continue
         lacking = [f"{name} {lack}" for name in names if (lack := sweep.lacking(name))]
-        reply = ""
+        if line == "keep" or not (line or lacking):
+            save_progress(sweep, part)
+            table.close(sweep, silent)
+            return
+        reply = f"{'; '.join(lacking)}. Type `keep` to leave {'it' if len(lacking) == 1 else 'them'} as before."
         if line:
             try:
                 reply = _carry_out(line, sweep)
             except RigError as error:
                 reply = str(error)
-        elif not lacking:
-            save_progress(sweep, part)
-            table.close(sweep, silent)
-            return
-        else:
-            reply = f"{'; '.join(lacking)}. Type `keep` to leave {'it' if len(lacking) == 1 else 'them'} as before."
-        if line == "keep":
-            table.close(sweep, silent)
-            return
         table.interrupt(reply)
 
 
@@ -144,8 +139,6 @@ def _carry_out(line: str, sweep: Sweep) -> str:
     word, _, name = line.partition(" ")
     name = name.strip()
     actions = {"zero": sweep.zero_here, "reverse": sweep.reverse, "again": sweep.forget}
-    if line == "keep":
-        return ""
     if word not in actions:
         return f"unknown command '{line}': Enter, zero JOINT, reverse JOINT, again JOINT or keep."
     if name not in sweep.config.names:
