@@ -18,6 +18,7 @@ from motiondeck_base.files import write_file
 YEARS = 5  # how long certificates are valid. They begin a day early, for machines whose clocks are behind.
 AUTHORITY_KEY = "authority.key"
 OWNERS = 0o600  # only the owner may read the files
+_Authority = tuple[x509.Certificate, ec.EllipticCurvePrivateKey]
 
 
 def make_certificates(folder: Path, show: str, members: Mapping[str, str]) -> list[Path]:
@@ -46,12 +47,7 @@ def make_certificates(folder: Path, show: str, members: Mapping[str, str]) -> li
 
 
 def _make_member(
-    folder: Path,
-    show: str,
-    name: str,
-    host: str,
-    members: Mapping[str, str],
-    authority: tuple[x509.Certificate, ec.EllipticCurvePrivateKey],
+    folder: Path, show: str, name: str, host: str, members: Mapping[str, str], authority: _Authority
 ) -> Path:
     key = ec.generate_private_key(ec.SECP256R1())
     certificate = (
@@ -74,7 +70,7 @@ def _make_member(
     return own
 
 
-def _authority(folder: Path, show: str) -> tuple[x509.Certificate, ec.EllipticCurvePrivateKey]:
+def _authority(folder: Path, show: str) -> _Authority:
     certificate_file, key_file = folder / AUTHORITY, folder / AUTHORITY_KEY
     if certificate_file.is_file() and key_file.is_file():
         try:
@@ -106,9 +102,8 @@ def _authority(folder: Path, show: str) -> tuple[x509.Certificate, ec.EllipticCu
 def _builder(
     show: str, name: str, key: ec.EllipticCurvePrivateKey, issuer: x509.Name | None
 ) -> x509.CertificateBuilder:
-    subject = x509.Name(
-        [x509.NameAttribute(NameOID.ORGANIZATION_NAME, show), x509.NameAttribute(NameOID.COMMON_NAME, name)]
-    )
+    names = {NameOID.ORGANIZATION_NAME: show, NameOID.COMMON_NAME: name}
+    subject = x509.Name([x509.NameAttribute(kind, text) for kind, text in names.items()])
     now = datetime.datetime.now(datetime.UTC)
     return (
         x509.CertificateBuilder()

@@ -11,6 +11,7 @@ from motiondeck.shows.cue_list import CueList
 from motiondeck.shows.known_stops import KnownStops
 from motiondeck.shows.link import Link, Mailbox, StopRepeater
 from motiondeck.shows.membership import CONDUCTOR
+from motiondeck.shows.messages import CommonRound
 from motiondeck.shows.seen_decks import SeenDeck, SeenDecks
 from motiondeck.shows.show_file import Condition, Show, ShowCue, show_command
 from motiondeck_base.errors import MotiondeckError
@@ -126,7 +127,7 @@ class Conductor:
         for deck in decks:
             for motion in command.motions:
                 self._seen.check_plays(deck, motion)
-        self._send(line, _on_grid(self.now() + self.show.lead), names, decks, [command])
+        self._send(line, _on_grid(self.now() + self.show.lead), names, decks, [command], None)
         return f"{_receivers(decks, self._seen.present_names)}: {line}"
 
     def stop(self) -> None:
@@ -202,25 +203,19 @@ class Conductor:
         self._send(name, at, cue.receivers, decks, cue.commands, self._step_of(cue, decks, at))
         self._notify(f"{name}: {_receivers(decks, present)}")
 
-    def _step_of(self, cue: ShowCue, decks: list[str], at: float) -> messages.CommonRound | None:
+    def _step_of(self, cue: ShowCue, decks: list[str], at: float) -> CommonRound | None:
         if cue.in_step is False:
             return None
         if cue.in_step is not True:
-            return messages.CommonRound(at, cue.in_step)
+            return CommonRound(at, cue.in_step)
         seconds = self._seen.round_of(cue.motions, decks)
         if seconds is not None:
-            return messages.CommonRound(at, seconds)
+            return CommonRound(at, seconds)
         self._notify(f"{cue.name or 'the cue'}: no deck knows how long a round takes, so none are in step")
         return None
 
     def _send(
-        self,
-        name: str,
-        at: float,
-        to: list[str],
-        decks: list[str],
-        say: list[DeckCommand],
-        step: messages.CommonRound | None = None,
+        self, name: str, at: float, to: list[str], decks: list[str], say: list[DeckCommand], step: CommonRound | None
     ) -> None:
         self._number += 1
         cue = messages.TimedCue(self._run, self._number, name, at, decks, say, step)

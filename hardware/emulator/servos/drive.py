@@ -38,9 +38,6 @@ _ROOM = 25.0
 _WARM = 32.0  # degC, a servo that has been on for a while
 
 _GEARS = 0.7  # share of an ideal motor's torque that is left behind the gears; an estimate
-_LAG = 0.015  # s; an estimate of rotor and gears without a load
-_WARMING = 1.5  # K/s at stall current; an estimate
-_COOLING = 240.0  # s, the time constant towards the room's temperature; an estimate
 
 Array = NDArray[np.float64]
 
@@ -93,10 +90,10 @@ class Motor:
     voltage: float = 12.0  # at which these hold, V
     full_pwm: float = 885.0  # the PWM count that means full voltage
     specified_torque: float = 0.0  # the stall torque that the maker specifies, N·m; 0 for none
-    lag: float = _LAG  # time constant with which the speed follows the voltage, s
+    lag: float = 0.015  # time constant with which the speed follows the voltage, s; an estimate without a load
     current_limited: tuple[int, ...] = (5,)  # the modes in which the goal current limits the current
-    warming: float = _WARMING  # how fast the stall current heats it, K/s
-    cooling: float = _COOLING  # time constant with which it cools, s
+    warming: float = 1.5  # how fast the stall current heats it, K/s; an estimate, as the next
+    cooling: float = 240.0  # time constant with which it cools to the temperature of the room, s
     duty: float = 1.0  # the most of its supply that the servo gives to the motor, as a part
     friction: Friction | None = None  # as identified on a real servo; None for the maker's motor, which has none
 

@@ -15,13 +15,8 @@ from hardware.rig.registers import list_joints, read_each, read_register, sync_w
 from hardware.rig.rig_file import RigConfig
 from hardware.rig.rig_joint import NEAR, RigJoint
 from hardware.rig.scale import Array, RigScale, force_of
+from hardware.rig.switching import identities
 from hardware.rig.switching.audit import audit, driving_settings, in_counts, settle
-from hardware.rig.switching.identities import (
-    check_identities,
-    raise_answer_level,
-    raise_answer_level_in_eeprom,
-    refuse_shut_down,
-)
 from hardware.rig.switching.turns import find_zeros, recall, way
 from hardware.rig.turn_file import TurnFile
 
@@ -55,15 +50,15 @@ def switch_on(
     RigError if servos are missing, of another model, shut down, set so that they could move wrongly (see `audit`),
     outside their limits, or in an unknown turn, it names them all; or if it was cancelled.
     """
-    raise_answer_level_in_eeprom(config, bus)
-    check_identities(config, bus)
-    raise_answer_level(config, bus)
+    identities.raise_answer_level_in_eeprom(config, bus)
+    identities.check_identities(config, bus)
+    identities.raise_answer_level(config, bus)
     try:
         if not isinstance(believed, np.ndarray):
             believed = recall(config, bus, believed)
         write_each(config, bus, "torque_enable", [0] * len(config.joints))
         write_each(config, bus, "bus_watchdog", [0] * len(config.joints))  # one that has tripped locks the goals
-        refuse_shut_down(config, bus)
+        identities.refuse_shut_down(config, bus)
         differences = audit(config, bus)
         refused = [str(difference) for difference in differences if difference.when == "refused"]
         if refused:
@@ -110,10 +105,10 @@ def resume(
 
     Arguments, result and errors as of `hold_still` and `switch_on`.
     """
-    check_identities(config, bus)
-    raise_answer_level(config, bus)
+    identities.check_identities(config, bus)
+    identities.raise_answer_level(config, bus)
     try:
-        refuse_shut_down(config, bus)
+        identities.refuse_shut_down(config, bus)
         ends = RigScale(config).ends.astype(np.int64).tolist()
         joints = enumerate(zip(config.joints, *ends, strict=True))
         lost = [index for index, (joint, low, high) in joints if not _is_set(joint, bus, low, high)]
@@ -232,7 +227,7 @@ def _take_torque_on(config: RigConfig, bus: Bus, zeros: Array) -> Array:
         for joint in dict.fromkeys(config.joint_of[index] for index in off):
             own = [index for index in off if config.joint_of[index] == joint]
             one = config.only(own)
-            check_identities(one, bus)
+            identities.check_identities(one, bus)
             goals[own] = _keep_goals_near(one, bus, zeros[own])
             sync_write_all(one, bus, "torque_enable", 1)
         off = [index for index in off if read_each(config.only([index]), bus, "torque_enable") == [0]]

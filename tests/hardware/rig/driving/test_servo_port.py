@@ -115,7 +115,7 @@ def test_a_servo_that_restarts_while_it_is_switched_on_gets_no_torque(rig_of_fou
         if config.names == ("joint_3",):  # it is set up, and this was the last check
             device.swap(1190, port.now() + 0.1) if cause == "swap" else device.reboot(port.now() + 0.1)
 
-    monkeypatch.setattr("hardware.rig.switching.torque.check_identities", then_restart)
+    monkeypatch.setattr("hardware.rig.switching.identities.check_identities", then_restart)
     with pytest.raises(RigError, match=r"joint_3 \(id 3\) has restarted while it was switched on"):
         Rig(rig_of_four, lambda part: bus)
     assert registers(port.bus, "torque_enable") == [0, 0, 0, 0]
@@ -128,7 +128,7 @@ def test_a_servo_that_is_swapped_after_its_model_was_checked_gets_no_torque(rig_
         port.bus[3].swap(1190, port.now())
         raise_answer_level(*args)
 
-    monkeypatch.setattr("hardware.rig.switching.torque.raise_answer_level", swap_first)
+    monkeypatch.setattr("hardware.rig.switching.identities.raise_answer_level", swap_first)
     with pytest.raises(RigError, match=r"joint_3 \(id 3\) answers as XL330-M077, not as XM430-W350"):
         Rig(rig_of_four, lambda part: bus)
     assert registers(port.bus, "torque_enable") == [0, 0, 0, 0]
