@@ -38,11 +38,6 @@ def read_each(config: RigConfig, bus: Bus, name: str) -> list[int]:
     return [read_register(joint, bus, name) for joint in config.joints]
 
 
-def return_delays(config: RigConfig, bus: Bus) -> list[float]:
-    """The return delay of each servo, s."""
-    return [count * 2e-6 for count in read_each(config, bus, "return_delay_time")]
-
-
 def put(bus: Bus, id: int, table: ControlTable, name: str, value: int) -> None:
     """Writes a count into a register and waits for the answer; EEPROM is unlocked meanwhile where it must be."""
     register = table[name]

@@ -98,8 +98,13 @@ def examine(config: RigConfig, bus: Bus) -> Report:
         try:
             servo = _ask(joint, identity, bus)
             differences = audit(config.only([index]), bus)
-            servo, lost = _in_its_turn(servo, config.only([index]), bus)
-            problems += [lost] if lost else []
+            lost = ""
+            if joint.several_turns:
+                try:
+                    place = recall(config.only([index]), bus, TurnFile.of_port(bus.port.name))
+                    servo = msgspec.structs.replace(servo, position=float(place[0]))
+                except RigError as error:
+                    problems.append(lost := str(error))
             servos.append(servo)
             heard.add(joint.id)
         except NoReplyError:
@@ -291,17 +296,6 @@ def _ask(joint: RigJoint, identity: Identity, bus: Bus) -> ServoReport:
         voltage=voltage,
         return_delay_us=2 * value("return_delay_time"),
     )
-
-
-def _in_its_turn(servo: ServoReport, config: RigConfig, bus: Bus) -> tuple[ServoReport, str]:
-    """The report of a servo with its position in the turn that was kept of it; and what is wrong with that."""
-    if not config.through_turns:
-        return servo, ""
-    try:
-        position = float(recall(config, bus, TurnFile.of_port(bus.port.name))[0])
-    except RigError as error:
-        return servo, str(error)
-    return msgspec.structs.replace(servo, position=position), ""
 
 
 def _turns_endlessly(joint: RigJoint, differences: Iterable[Difference]) -> bool:

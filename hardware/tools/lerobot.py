@@ -5,10 +5,9 @@
 
 LeRobot sees present = sign * actual + homing_offset, where sign is -1 for an odd drive_mode, and its angles grow with
 it. A rig here wants homing offset and drive mode 0, so everything is carried back to the actual position. Servos whose
-count begins anew after a turn (present = actual - homing_offset) keep their offset, which the rig file then
-has. Angle 0 is in the middle of the range, as in LeRobot's degrees. As
-there, a range may lie anywhere (extended position), a gripper holds with a limit of current, and a motor NAME_shadow
-turns the joint NAME too.
+count begins anew after a turn (present = actual - homing_offset) keep their offset, which the rig file then has. Angle
+0 is in the middle of the range, as in LeRobot's degrees. As there, a range may lie anywhere (extended position), a
+gripper holds with a limit of current, and a motor NAME_shadow turns the joint NAME too.
 """
 
 from collections.abc import Mapping, Sequence

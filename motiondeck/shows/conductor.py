@@ -13,7 +13,7 @@ from motiondeck.shows.link import Link, Mailbox, StopRepeater
 from motiondeck.shows.membership import CONDUCTOR
 from motiondeck.shows.messages import CommonRound
 from motiondeck.shows.seen_decks import SeenDeck, SeenDecks
-from motiondeck.shows.show_file import Condition, Show, ShowCue, show_command
+from motiondeck.shows.show_file import Show, ShowCue, show_command
 from motiondeck_base.errors import MotiondeckError
 
 # Cues fall on multiples of this, s: then they fall on ticks of decks at 50, 100, 200, 250, 500 and 1000 Hz, which the
@@ -78,7 +78,9 @@ class Conductor:
         self._stop_repeater.step(now)
         if not self.stopped_by:
             self._bring_in(now)  # first: a deck that carries out a later cue counts as having had all before
-            while (due := self.cues.due(now, self._holds)) is not None:
+            while (
+                due := self.cues.due(now, lambda when, cue: not self._seen.lacking(when, cue.receivers))
+            ) is not None:
                 self._send_show_cue(*due)
         self._report_stop(now)
         self._report_waiting()
@@ -234,9 +236,6 @@ class Conductor:
                 deck.joined = _on_grid(now + self.show.lead)
                 self._link.publish("cue", messages.encode(cues.cue(self._run, deck.name, deck.joined)))
                 self._notify(f"{deck.name} joins")
-
-    def _holds(self, condition: Condition, cue: ShowCue) -> bool:
-        return not self._seen.lacking(condition, cue.receivers)
 
     def _report_waiting(self) -> None:
         cue = self.cues.next if self.cues.waits else None

@@ -82,15 +82,12 @@ class Member:
         self._stop_repeater = StopRepeater(link)
         self._commands: dict[int, str] = {}
         deck.post(commands.Subscribe())
-        link.subscribe("cue", self._receive)
-        link.subscribe("stop", self._receive)
+        for key in ("cue", "stop"):
+            link.subscribe(key, lambda key, data: self._arrived.put((key, data)))
         link.answer(f"deck/{name}", lambda: messages.encode(about))
         link.announce(f"deck/{name}")
         for stop in memory.read() if memory is not None else ():
             self._take_stop(stop)
-
-    def _receive(self, key: str, data: bytes) -> None:
-        self._arrived.put((key, data))
 
     def step(self, longest: float) -> bool:
         """Handles messages for at most `longest` seconds; False when the deck has ended, SocketError if it is gone."""

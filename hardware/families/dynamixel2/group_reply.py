@@ -1,6 +1,6 @@
 """Group reads, and their replies: one frame that all servos write together (fast reads), or one status a servo."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 
 import numpy as np
@@ -33,60 +33,52 @@ def fast_reply_start(received: bytes) -> int:
     return start
 
 
-class FastFormat:
-    """How the joint reply of some servos looks, `length` bytes each, when it is whole.
+def fast_format(ids: bytes, length: int) -> Callable[[bytes], WholeReply | None]:
+    """What takes the joint reply of some servos, `length` bytes each, if all of it is in what was received, undamaged.
 
     A loop asks for the same again and again, and wakes up with cold caches: what can be made before is made once.
     """
+    stride = length + 4
+    size = 1 + len(ids) * stride
+    head = _JOINT_HEAD + bytes((size & 0xFF, size >> 8, STATUS))
+    crc, end = checksum(head), _FAST_HEAD + len(ids) * stride
 
-    def __init__(self, ids: bytes, length: int) -> None:
-        self._ids = ids
-        self._stride = length + 4
-        size = 1 + len(ids) * self._stride
-        self._head = _JOINT_HEAD + bytes((size & 0xFF, size >> 8, STATUS))
-        self._crc = checksum(self._head)
-        self._end = _FAST_HEAD + len(ids) * self._stride
-
-    def whole(self, received: bytes) -> WholeReply | None:
-        """The reply if it is all there and undamaged, whatever stands around it; else None."""
+    def whole(received: bytes) -> WholeReply | None:
         # It nearly always begins the reply; find() itself costs some us behind a sleep.
-        start = 0 if received.startswith(self._head) else received.find(self._head)
-        rows = received[start + _FAST_HEAD : start + self._end]
+        start = 0 if received.startswith(head) else received.find(head)
+        rows = received[start + _FAST_HEAD : start + end]
         # Each checksum covers everything before it, so the last one speaks for all.
-        if start < 0 or rows[1 :: self._stride] != self._ids:
+        if start < 0 or rows[1::stride] != ids or checksum(rows[:-2], crc) != rows[-2] | rows[-1] << 8:
             return None
-        if checksum(rows[:-2], self._crc) != rows[-2] | rows[-1] << 8:
-            return None
-        return whole_reply((rows, self._stride, 0, 2, ALERT, 2))
+        return whole_reply((rows, stride, 0, 2, ALERT, 2))
+
+    return whole
 
 
-class SingleFormat:
-    """How the statuses of some servos look, `length` bytes each, when all have come.
+def single_format(ids: bytes, length: int) -> Callable[[bytes], WholeReply | None]:
+    """What takes the statuses of some servos, `length` bytes each, if all are there, undamaged and alone.
 
     All checksums are verified in one pass: with its two checksum bytes swapped, each undamaged frame takes the CRC from
     0 back to 0, so the CRC over all is 0; and a CRC that has left 0 does not come back to it through undamaged frames.
     """
+    stride, size = status_length(length), length + 4
+    begin = b"".join(HEADER + bytes((id, size & 0xFF, size >> 8, STATUS)) for id in ids)
+    heads = np.frombuffer(begin, dtype=np.uint8).reshape(len(ids), _STATUS_HEAD)
+    swapped = np.zeros((len(ids), stride), dtype=np.uint8)
 
-    def __init__(self, ids: bytes, length: int) -> None:
-        self._stride = status_length(length)
-        size = length + 4
-        heads = b"".join(HEADER + bytes((id, size & 0xFF, size >> 8, STATUS)) for id in ids)
-        self._heads = np.frombuffer(heads, dtype=np.uint8).reshape(len(ids), _STATUS_HEAD)
-        self._received = np.zeros((len(ids), self._stride), dtype=np.uint8)
-
-    def whole(self, received: bytes) -> WholeReply | None:
-        """The statuses if all are there, undamaged and alone; else None."""
-        if len(received) != self._received.size:
+    def whole(received: bytes) -> WholeReply | None:
+        if len(received) != swapped.size:
             return None
-        rows = np.frombuffer(received, dtype=np.uint8).reshape(self._received.shape)
-        if not np.array_equal(rows[:, :_STATUS_HEAD], self._heads):
+        rows = np.frombuffer(received, dtype=np.uint8).reshape(swapped.shape)
+        if not np.array_equal(rows[:, :_STATUS_HEAD], heads):
             return None
-        swapped = self._received
         swapped[:] = rows
         swapped[:, -2:] = rows[:, :-3:-1]
         if checksum(swapped.tobytes()) != 0:
             return None
-        return whole_reply((received, self._stride, _STATUS_HEAD, _STATUS_HEAD + 1, ALERT, 2))
+        return whole_reply((received, stride, _STATUS_HEAD, _STATUS_HEAD + 1, ALERT, 2))
+
+    return whole
 
 
 def fast_reply(received: bytes, ids: Sequence[int], lengths: Sequence[int]) -> GroupReply:
@@ -129,7 +121,7 @@ def group_read(blocks: Blocks, fast: bool) -> GroupRead:
     alike = all(block[1:] == (address, length) for block in blocks)
     frame = instructions.sync_read(address, length, ids, fast) if alike else instructions.bulk_read(blocks, fast)
     needed = (fast_reply_length(len(ids), 0) if fast else len(ids) * status_length(0)) + sum(lengths)
-    whole = (FastFormat if fast else SingleFormat)(ids, length).whole if len(set(lengths)) == 1 else None
+    whole = (fast_format if fast else single_format)(ids, length) if len(set(lengths)) == 1 else None
     parts = partial(_joint, ids, lengths, needed) if fast else partial(in_order, Parser, as_status, ids, lengths)
     return GroupRead(frame, fast, ids, lengths, whole, needed, parts)
 

@@ -25,7 +25,7 @@ from hardware.errors import MotiondeckError, RigError, with_torque
 from hardware.families.family import Family
 from hardware.rig.counters import RigFaults
 from hardware.rig.driving.readings import Measurements, Readings
-from hardware.rig.registers import return_delays, same_place, sync_write_all
+from hardware.rig.registers import read_each, same_place, sync_write_all
 from hardware.rig.rig_file import RigConfig
 from hardware.rig.scale import Array, RigScale
 from hardware.rig.state_block import OwnSettings, StateBlock, arrange_state, read_own_settings
@@ -97,7 +97,8 @@ class ServoPort:
             keep_zeros(servos, held.zeros, turns)
             blocks = arrange_state(servos, bus)
             own = read_own_settings(servos, bus)
-            refuse_slow_wire(servos, blocks, self._fast, return_delays(servos, bus))
+            delays = [2e-6 * count for count in read_each(servos, bus, "return_delay_time")]
+            refuse_slow_wire(servos, blocks, self._fast, delays)
         except MotiondeckError as error:
             raise with_torque(error, self.close()) from error
         except BaseException:

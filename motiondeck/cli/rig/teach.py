@@ -96,7 +96,7 @@ def teach(
         for part, bus in parts:
             loosen(part, bus)
         if seconds is not None:
-            session.record_once(parts, out, seconds)
+            session.save(session.recorded(parts, seconds), out, shown=False)
         elif folder:
             session.record_motions(parts, out)
         else:
@@ -173,10 +173,6 @@ class _Session:
     written: list[dict[str, object]] = field(default_factory=list)
     cut_short: str = ""
 
-    def record_once(self, parts: list[tuple[RigConfig, Bus]], out: Path, seconds: float) -> None:
-        """Records for some seconds and saves the recording, even if it is cut short."""
-        self._save(self._recorded(parts, seconds), out, shown=False)
-
     def record_motions(self, parts: list[tuple[RigConfig, Bus]], folder: Path) -> None:
         """Prompts for names and records a motion for each, or another take of one that exists."""
         from controller.learning.recipe import check_name
@@ -200,7 +196,7 @@ class _Session:
         while True:
             self.typed.ask(f"{file.stem}: torque is off. Press Enter to begin ")
             try:
-                recording = self._recorded(parts, None)
+                recording = self.recorded(parts, None)
             except RigError as error:
                 if self.cut_short:
                     raise
@@ -213,7 +209,7 @@ class _Session:
                 return
             if choice == "again":
                 continue
-            self._save(recording, file, shown=not recording.cut_short)
+            self.save(recording, file, shown=not recording.cut_short)
             if choice != "take":
                 return
             file = _next_take(out)
@@ -265,7 +261,8 @@ class _Session:
                 doubts.append(str(error))
         return doubts
 
-    def _recorded(self, parts: list[tuple[RigConfig, Bus]], seconds: float | None) -> _Recording:
+    def recorded(self, parts: list[tuple[RigConfig, Bus]], seconds: float | None) -> _Recording:
+        """Records for some seconds, or until Enter; what was recorded when it is cut short, too."""
         from controller.learning.preparation.takes import is_periodic
         from hardware.errors import RigError, SerialPortError
         from hardware.tools.teaching import taught, watch_hands
@@ -294,7 +291,7 @@ class _Session:
         plays = self.plays or ("loop" if is_periodic(found.moving, rate, at_least=0.5) else "once")
         return _Recording(found, plays, self.trim, self.cut_short)
 
-    def _save(self, recording: _Recording, out: Path, shown: bool) -> None:
+    def save(self, recording: _Recording, out: Path, shown: bool) -> None:
         """Writes a recording and adds it to the report; prints its doubts unless they were shown before."""
         from controller.motion.formats.taught_clip import save_taught_clip, taught_clip
         from hardware.tools.teaching import beyond_limits

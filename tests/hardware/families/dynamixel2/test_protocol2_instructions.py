@@ -7,10 +7,10 @@ from hypothesis import strategies as st
 from hardware.families.dynamixel2 import frames as wire
 from hardware.families.dynamixel2.frames import build, build_status, checksum
 from hardware.families.dynamixel2.group_reply import (
-    FastFormat,
-    SingleFormat,
+    fast_format,
     fast_reply,
     fast_reply_length,
+    single_format,
 )
 from hardware.families.models import USUAL
 from hardware.families.replies import single_replies
@@ -121,11 +121,11 @@ def test_undamaged_statuses_are_taken_in_one_pass(ids, data):
     values = data.draw(st.lists(st.integers(0, 65000), min_size=len(ids), max_size=len(ids)))
     alert = data.draw(st.sets(st.sampled_from(ids)))
     received = whole(ids, values, alert)
-    reply = SingleFormat(bytes(ids), 2).whole(received)
+    reply = single_format(bytes(ids), 2)(received)
     assert reply is not None
     assert reply.statuses(ids) == single_replies(ids, [2] * len(ids), statuses_in(received)).statuses
     joint = joint_reply(ids, values, 2)
-    rows = FastFormat(bytes(ids), 2).whole(joint)
+    rows = fast_format(bytes(ids), 2)(joint)
     assert rows is not None
     assert rows.statuses(ids) == fast_reply(joint, ids, [2] * len(ids)).statuses
 
@@ -136,14 +136,14 @@ def test_one_flipped_bit_is_never_taken_in_one_pass(ids, data):
     damaged = bytearray(joint_reply(ids, range(len(ids)), 2) if fast else whole(ids, range(len(ids))))
     at = data.draw(st.integers(0, len(damaged) - 1))
     damaged[at] ^= 1 << data.draw(st.integers(0, 7))
-    assert (FastFormat if fast else SingleFormat)(bytes(ids), 2).whole(bytes(damaged)) is None
+    assert (fast_format if fast else single_format)(bytes(ids), 2)(bytes(damaged)) is None
 
 
 def test_statuses_in_another_order_or_of_other_servos_are_not_taken_in_one_pass():
     received = whole([1, 2, 3], [10, 20, 30])
     for ids in ([1, 3, 2], [1, 2], [1, 2, 4], [1, 2, 3, 4]):
-        assert SingleFormat(bytes(ids), 2).whole(received) is None
-        assert FastFormat(bytes(ids), 2).whole(joint_reply([1, 2, 3], [1, 2, 3], 2)) is None
+        assert single_format(bytes(ids), 2)(received) is None
+        assert fast_format(bytes(ids), 2)(joint_reply([1, 2, 3], [1, 2, 3], 2)) is None
 
 
 def test_a_servo_silent_among_single_statuses_is_named():
