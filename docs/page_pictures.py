@@ -281,6 +281,42 @@ def _keys(setting: Setting) -> Shots:
         program.terminate()
 
 
+def _show(setting: Setting) -> Shots:
+    text = (Path(__file__).parent / "shows.md").read_text(encoding="utf-8")
+    show = setting.work / "gala.toml"
+    show.write_text(re.findall(r"^```toml\n(.*?)^```", text, flags=re.M | re.S)[0])
+    deck = [
+        *COMMAND,
+        "play",
+        "walk",
+        "--kinematic",
+        "--rate",
+        "50",
+        "--headless",
+        "--command-port",
+        "0",
+        "--seconds",
+        "60",
+    ]
+    programs = [
+        subprocess.Popen([*deck, "--show", f"gala/{name}"], stdin=subprocess.DEVNULL) for name in ("left", "right")
+    ]
+    conductor = [*COMMAND, "conduct", str(show), "--port", "8051"]
+    programs.append(subprocess.Popen(conductor, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL))
+    time.sleep(10.0)
+    page = setting.browser.new_page(viewport={"width": 1000, "height": 620})
+    page.set_default_timeout(PATIENCE_MS)
+    page.goto("http://127.0.0.1:8051")
+    page.get_by_text("Software WebGL").locator("xpath=../..").get_by_role("button").click()
+    page.get_by_text("HELD").wait_for()
+    time.sleep(3.0)
+    yield "", page
+    page.close()
+    for program in programs:
+        program.terminate()
+        program.wait()
+
+
 def _ended(setting: Setting) -> Shots:
     pages = {window: setting.open(window) for window in WINDOWS}
     send(Stop())
@@ -299,6 +335,7 @@ SCENES: dict[str, Callable[[Setting], Shots]] = {
     "emergency-stop": _emergency_stop,
     "learning": _learning,
     "keys": _keys,
+    "show": _show,
     "ended": _ended,
 }
 

@@ -23,6 +23,8 @@ from PIL import Image, ImageSequence
 
 from controller.deck.deck import Deck
 from controller.library.motion_library import MotionLibrary
+from controller.motion.clip import Clip
+from controller.motion.formats.writing import bvh_text
 from controller.networks.orbits import orbits
 from motiondeck.libraries import load_library
 from motiondeck.pictures.figures import new_figure, save
@@ -188,6 +190,33 @@ def rise() -> None:
     sheet.save(PICTURES / "rise-servo20.webp", quality=80)
 
 
+def clips() -> None:
+    """A walk as `clip plot` draws it, and four motions in a row as `segment` cuts them."""
+    library = load_library("thesis15").model
+    deck, places, turns = Deck(library, lambda pose: np.zeros(0), "walk"), [], []
+    for frame in range(16 * 60):
+        if frame in (240, 480, 720):
+            deck.switch({240: "jog", 480: "waltz", 720: "box1"}[frame])
+        _, pose = deck.update(1.0 / 60.0)
+        places.append(pose.root_position.copy())
+        turns.append(pose.rotation.copy())
+    with tempfile.TemporaryDirectory() as folder:
+        for name, frames in (("walk", 230), ("session", None)):
+            clip = Clip(name, library.skeleton, 60.0, np.array(places[:frames]), np.array(turns[:frames]))
+            Path(folder, f"{name}.bvh").write_text(bvh_text(clip))
+        drawn = Path(folder, "drawn.png")
+        motiondeck("clip", "plot", Path(folder, "walk.bvh"), "--out", drawn)
+        smaller(drawn, PICTURES / "clip-walk.webp")
+        motiondeck("segment", Path(folder, "session.bvh"), "--plot", drawn)
+        smaller(drawn, PICTURES / "segments.webp")
+
+
+def smaller(picture: Path, out: Path) -> None:
+    """Saves a picture with a width of 1000 pixels."""
+    drawn = Image.open(picture).convert("RGB")
+    drawn.resize((1000, round(1000 * drawn.height / drawn.width))).save(out, quality=80)
+
+
 def network() -> None:
     """The orbits of the shipped network's neurons, and how its motions overlap."""
     library = load_library("thesis15").model
@@ -223,6 +252,7 @@ MADE: dict[str, Callable[[], object]] = {
     "walk-beside-human": beside,
     "rise-servo20": rise,
     "doors": doors,
+    "clips": clips,
     "network-inside": network,
     "morphs": morphs,
     "thesis15-mannequin": lambda: draw_sheet(
