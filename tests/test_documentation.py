@@ -2,6 +2,7 @@
 
 import re
 import shlex
+import statistics
 import subprocess
 import sys
 import tarfile
@@ -15,6 +16,8 @@ import typer
 from motiondeck.cli.main import app
 
 ROOT = Path(__file__).parents[1]
+TUTORIALS = ["README", "installation", "first-motion", "first-robot", "first-rig", "from-a-script"]
+READ_FIRST = [*TUTORIALS, "commands", "page", "shows", "stage", "api", "falls"]
 PAGES = [ROOT / name for name in ("README.md", "CONTRIBUTING.md", "THIRD_PARTY_NOTICES.md", "CHANGELOG.md")]
 PAGES += sorted((ROOT / "docs").glob("*.md"))
 FOLDERS = ("motiondeck", "motiondeck_base", "controller", "sim", "hardware", "tests", "benchmarks", "examples", "docs")
@@ -47,6 +50,28 @@ def test_every_link_and_picture_exists(page):
         if not there.exists() or (anchor and anchor not in anchors(there)):
             broken.append(target)
     assert broken == []
+
+
+def sentences(page):
+    """The sentences of a page as lists of words, without tables and headings; what stands in backticks is one word."""
+    prose = re.sub(r"^(    .*|\|.*|#.*|:::.*|<!--.*)$", "\n", text_of(page), flags=re.M)
+    prose = re.sub(r"`[^`]*`", "code", re.sub(r"!?\[([^\]]*)\]\([^)]*\)", r"\1", prose))
+    for part in re.split(r"\n\s*\n|^\s*- ", prose, flags=re.M):
+        for sentence in re.split(r"(?<=[.!?])[)\"*]*\s+(?=[\"(*A-Z]|code)", " ".join(part.split())):
+            if words := re.findall(r"[A-Za-z][\w'’-]*", sentence):
+                yield words
+
+
+@pytest.mark.parametrize(
+    "page", [ROOT / "README.md", *(ROOT / "docs" / f"{name}.md" for name in READ_FIRST)], ids=lambda page: page.name
+)
+def test_no_sentence_of_a_page_that_is_read_first_has_more_than_40_words(page):
+    assert [" ".join(words) for words in sentences(page) if len(words) > 40] == []
+
+
+def test_half_of_the_sentences_of_the_tutorials_have_at_most_15_words():
+    lengths = [len(words) for name in TUTORIALS for words in sentences(ROOT / "docs" / f"{name}.md")]
+    assert statistics.median(lengths) <= 15
 
 
 @pytest.mark.parametrize("page", [page for page in PAGES if page.name != "CHANGELOG.md"], ids=lambda page: page.name)
