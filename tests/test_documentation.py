@@ -16,7 +16,7 @@ import typer
 from motiondeck.cli.main import app
 
 ROOT = Path(__file__).parents[1]
-TUTORIALS = ["README", "installation", "first-motion", "first-robot", "first-rig", "from-a-script"]
+TUTORIALS = ["README", "installation", "first-motion", "first-robot", "first-rig", "from-a-script", "cookbook"]
 READ_FIRST = [*TUTORIALS, "commands", "page", "shows", "stage", "api", "falls"]
 PAGES = [ROOT / name for name in ("README.md", "CONTRIBUTING.md", "THIRD_PARTY_NOTICES.md", "CHANGELOG.md")]
 PAGES += sorted((ROOT / "docs").glob("*.md"))
