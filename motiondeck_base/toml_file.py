@@ -26,14 +26,8 @@ Keys = tuple[str | int, ...]
 _LARGEST, _SMALLEST = 1e15, 1e-12  # numbers that calculations can hold
 _ENDLESS = re.compile(r"[\d_]{4301}")
 _ENDS = ("", "]", "]]", "]]]", "]}", "]}]", '"""', "'''")  # what may close the first lines of a TOML text
-_KINDS = {
-    "str": "text",
-    "int": "a whole number",
-    "float": "a number",
-    "bool": "true or false",
-    "array": "a list",
-    "object": "a table",
-}
+_KINDS = {"str": "text", "int": "a whole number", "float": "a number", "bool": "true or false"}
+_KINDS |= {"array": "a list", "object": "a table"}
 _BOUNDS = {">=": "of at least", "<=": "of at most", ">": "above", "<": "below"}
 
 

@@ -25,14 +25,14 @@ from benchmarks.recognition.motion_templates import motion_templates, relations
 from benchmarks.recognition.self_organising_map import motion_strings
 from benchmarks.recognition.unknown import Doubter
 from controller.learning.recognition.experts import STRETCHED_LEAK, ExpertRecipe
-from controller.learning.recognition.features import ENDS, FeatureRecipe, features, with_velocity
+from controller.learning.recognition.features import FeatureRecipe, features, with_velocity
 from controller.learning.recognition.labelled_recordings import Dataset, Example
 from controller.motion.rotations import Array
 
 POSITIONS = FeatureRecipe(velocity=False)
 WITH_VELOCITY = FeatureRecipe()
 SPARSE = FeatureRecipe(velocity=False, rate=15.0)
-FIVE_JOINTS = FeatureRecipe(joints=ENDS)
+FIVE_JOINTS = FeatureRecipe(joints=("lfoot", "rfoot", "lwrist", "rwrist", "head"))
 ANY_HEADING = FeatureRecipe(heading=False)
 ROTATIONS = FeatureRecipe(kind="rotations")
 

@@ -48,26 +48,17 @@ def add_motion(library: MotionLibrary, path: Path, clip: Clip, motion: MotionRec
     if motion.name in network.motions:
         raise MotiondeckError(f"{path}: there is a motion '{motion.name}' in it already; give another --name")
     if recipe.as_recorded:
-        raise MotiondeckError(f"{path}: its motions were learned as recorded, without loops; it is not added to")
+        raise MotiondeckError(f"{path}: its motions were learned as recorded, without loops; nothing is added to it")
     if network.kind != kind_of(recipe.network):
         raise MotiondeckError(f"the recipe in the library '{recipe.name}' is for another kind of network")
     own = mirrored(clip) if motion.mirrored else clip
     frames, part = to_learn(library.encoding, own, motion, info.rate, recipe.loop_keeps)
     trainer = trainer_of(recipe.network)
-    lengths = {known.name: known.frames for known in info.motions}
-    new = NewMotion(
-        library=recipe.name,
-        encoding=library.encoding,
-        rate=info.rate,
-        seed=info.seed,
-        lengths=lengths,
-        name=motion.name,
-        frames=frames,
-        loop=motion.plays == "loop",
-    )
+    lengths, loop = {known.name: known.frames for known in info.motions}, motion.plays == "loop"
+    new = NewMotion(recipe.name, library.encoding, info.rate, info.seed, lengths, motion.name, frames, loop)
     with threadpool_limits(1):
         grown = trainer.add(recipe.network, network, new)
-        loops = {known.name: known.plays == "loop" for known in info.motions} | {motion.name: motion.plays == "loop"}
+        loops = {known.name: known.plays == "loop" for known in info.motions} | {motion.name: loop}
         played = {name: run_free(network.twin(), name, length) for name, length in lengths.items()}
         judge = Judge(library.encoding, played | {motion.name: frames}, loops, info.rate)
         verdict = self_test(grown, judge, (motion.name,))
@@ -81,6 +72,6 @@ def add_motion(library: MotionLibrary, path: Path, clip: Clip, motion: MotionRec
         recipe=msgspec.json.decode(msgspec.json.encode(grown_recipe)),
         acknowledgement=f"{info.acknowledgement} '{motion.name}' was added from {Path(motion.file).name}.".strip(),
     )
-    recorded = recorded_part(own, part.first, part.end, loop=motion.plays == "loop", body=part.body)
+    recorded = recorded_part(own, part.first, part.end, loop=loop, body=part.body)
     added = judged(MotionLibrary(header, grown, library.encoding), {motion.name: lambda: recorded})
     return Addition(added, part)

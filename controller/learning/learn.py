@@ -171,10 +171,9 @@ def _shared_body(training_set: TrainingSet, clips: dict[str, Clip]) -> list[Shar
 
 
 def _doubted(one: AnalysedRecording) -> LearnedMotion:
-    remedy = f"{' '.join(one.take.anatomy)} If that is right: --accept {one.name}"
-    return LearnedMotion(
-        one.name, Path(one.motion.file), remedy=remedy, doubts=one.take.doubts, decisions=one.take.decisions
-    )
+    take, file = one.take, Path(one.motion.file)
+    remedy = f"{' '.join(take.anatomy)} If that is right: --accept {one.name}"
+    return LearnedMotion(one.name, file, remedy=remedy, doubts=take.doubts, decisions=take.decisions)
 
 
 def _row(one: AnalysedRecording, training_set: TrainingSet, library: MotionLibrary) -> LearnedMotion:

@@ -138,7 +138,7 @@ def prepare(
     inputs = {motion.name: motion.input for motion in recipe.motions if motion.input}
     found = TrainingSet(encoding, rate, {}, loops, least_range=trainer.least_range, inputs=inputs, actors=actors)
     for motion in recipe.motions:
-        clip = clips[motion.name]
+        name, clip = motion.name, clips[motion.name]
         if motion.input:
             takes = [clip, *(read_clip(find_recording(data, take)) for take in motion.takes)]
             alike = [carried(resampled(take, rate), encoding.skeleton) for take in takes]
@@ -146,23 +146,19 @@ def prepare(
             if motion.people:  # each value as done by the first of them
                 values = list(dict.fromkeys(one.value for one in variants))
                 variants = person_variants(motion.people[0], variants, motion.people, values)
-            found.variants[motion.name], found.frames[motion.name] = variants, variants[0].frames
-            found.parts[motion.name] = LearnedPart(0.0, variants[0].seconds, clip.duration)
+            found.variants[name], found.frames[name] = variants, variants[0].frames
+            found.parts[name] = LearnedPart(0.0, variants[0].seconds, clip.duration)
         elif recipe.as_recorded and not trainer.center_driven:
             own = cut(clip, motion)
             channels = encoding_of(own.skeleton, twist=twist).encode(own)
             washout = getattr(recipe.network, "washout", 0)
             if len(channels) < 2 * washout:
-                raise FileFormatError(f"motion '{motion.name}' is shorter than twice the washout of {washout} frames")
-            found.before[motion.name], found.frames[motion.name] = map(
-                on_disk, (channels[:washout], channels[washout:])
-            )
+                raise FileFormatError(f"motion '{name}' is shorter than twice the washout of {washout} frames")
+            found.before[name], found.frames[name] = map(on_disk, (channels[:washout], channels[washout:]))
         else:
             frames, part = to_learn(encoding, clip, motion, rate, recipe.loop_keeps)
-            found.frames[motion.name], found.parts[motion.name] = on_disk(frames), part
-            found.recorded[motion.name] = partial(
-                recorded_part, clip, part.first, part.end, loop=loops[motion.name], body=part.body
-            )
+            found.frames[name], found.parts[name] = on_disk(frames), part
+            found.recorded[name] = partial(recorded_part, clip, part.first, part.end, loop=loops[name], body=part.body)
         release()
     return found
 

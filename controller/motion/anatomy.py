@@ -45,11 +45,7 @@ class Anatomy:
 
     def all(self, part: Part, side: Side | None = None) -> list[int]:
         """The bones of a part, from the root outwards; by default of both sides."""
-        return [
-            bone
-            for bone, (p, s) in enumerate(zip(self.part, self.side, strict=True))
-            if p == part and side in (None, s)
-        ]
+        return [b for b, (p, s) in enumerate(zip(self.part, self.side, strict=True)) if p == part and side in (None, s)]
 
 
 def anatomy(skeleton: Skeleton) -> Anatomy:
@@ -208,6 +204,7 @@ def shaped_anatomy(skeleton: Skeleton) -> Anatomy:
 
     branches = [b for b in range(len(skeleton)) if b not in spine and _parent(skeleton, b) in (ROOT, *spine)]
     ways = {branch: _main_path(skeleton, branch, leaves) for branch in branches}
+    at_root = {branch: _parent(skeleton, branch) == ROOT for branch in branches}
     on_left = {branch: bool(ends[ways[branch][-1], 1] > 0.0) for branch in branches}
     for pair in pairs:
         left = max(pair, key=lambda branch: _first_aside(ends, ways[pair[0]], ways[pair[1]], branch == pair[1]))
@@ -218,16 +215,11 @@ def shaped_anatomy(skeleton: Skeleton) -> Anatomy:
         limb = np.flatnonzero(skeleton.chain[:, branch])
         for bone in limb:
             side[bone] = which
-        rivals = [
-            other
-            for other in branches
-            if on_left[other] == on_left[branch]
-            and (_parent(skeleton, other) == ROOT) == (_parent(skeleton, branch) == ROOT)
-        ]
+        rivals = [one for one in branches if (on_left[one], at_root[one]) == (on_left[branch], at_root[branch])]
         # Breasts, faces and twist bones branch off too: a limb is the longest chain of its side.
         if branch not in (limbs or [max(rivals, key=lambda other: skeleton.length[ways[other]].sum())]):
             continue
-        if branch in limbs[2:] or (not limbs and _parent(skeleton, branch) != ROOT):
+        if branch in limbs[2:] or not (limbs or at_root[branch]):
             _name_arm(skeleton, way, limb, part)
             # Some skeletons fork below the chest: the bone that rises beside the arms is then trunk too.
             rises = float(skeleton.rest_direction[branch, 2]) > 0.7

@@ -123,13 +123,9 @@ def _body_of(tree: JointTree, path: str | Path) -> RecordedBody:
                 turned = np.where(there[:, None], multiply(swing, turned), turned)
         vectors.append(vector)
         rotations.append(turned)
-    return RecordedBody(
-        tuple(name for name, *_ in bones),
-        np.array([above for *_, above in bones]),
-        np.array(vectors),
-        tree.position[:, joints.root],
-        np.stack([tree.rotation[:, joints.root], *rotations], axis=1),
-    )
+    names, above = tuple(name for name, *_ in bones), np.array([above for *_, above in bones])
+    rotation = np.stack([tree.rotation[:, joints.root], *rotations], axis=1)
+    return RecordedBody(names, above, np.array(vectors), tree.position[:, joints.root], rotation)
 
 
 def _median(frames: Array) -> Array:

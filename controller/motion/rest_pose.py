@@ -90,14 +90,8 @@ def rest_skeleton(name: str, body: RecordedBody, unit: float | None = None, up: 
     skeleton = Skeleton(name, body.bones, body.parent, normalise(vector), length * unit)
     up = up or _up_in_recording(body, best, stands, skeleton, unit)
     world = TO_OURS[up]
-    return RestedBody(
-        skeleton,
-        rotate(world, body.position) * unit,
-        multiply(multiply(np.broadcast_to(world, body.rotation.shape), body.rotation), conjugate(best.turn)),
-        unit,
-        up,
-        other,
-    )
+    rotation = multiply(multiply(np.broadcast_to(world, body.rotation.shape), body.rotation), conjugate(best.turn))
+    return RestedBody(skeleton, rotate(world, body.position) * unit, rotation, unit, up, other)
 
 
 def _stance(body: RecordedBody, up: Up, pose: Array) -> _Stance:

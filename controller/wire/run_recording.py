@@ -26,16 +26,9 @@ VERSION = 6
 READABLE = (1, 2, 3, 4, 5, 6)
 """From version 6 on the fields are those of `DeckSnapshot`. Before, some had other names, and some were missing: in 1
 `robot_root`, `seen` and `confidence`; up to 2 `phase`; up to 3 the lock; up to 4 the blend."""
-_RENAMED = {
-    "motion": "playing",
-    "speed": "tempo",
-    "time_s": "at",
-    "blend": "blend_motion",
-    "lock_stage": "lock_state",
-    "seen": "seen_motion",
-    "confidence": "seen_confidence",
-}
-"""Names up to version 5, and those of now."""
+# Names up to version 5, and those of now.
+_RENAMED = {"motion": "playing", "speed": "tempo", "time_s": "at", "blend": "blend_motion", "lock_stage": "lock_state"}
+_RENAMED |= {"seen": "seen_motion", "confidence": "seen_confidence"}
 
 MAGIC = b"MDRECORD"
 _HEADER, _CHUNK = struct.Struct("<II"), struct.Struct("<II")

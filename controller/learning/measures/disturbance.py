@@ -76,11 +76,10 @@ def _restart(network: AutonomousNetwork, motion: str, watch: LossWatch, lost: ND
 
 def with_trials(verdicts: dict[str, MotionVerdict], failed: dict[str, int]) -> dict[str, MotionVerdict]:
     """The verdicts of free runs, failed too where more than FORGIVEN disturbed runs of a motion failed."""
-    return {
-        name: replace(verdict, passed=False, reason=f"fails {failed[name]} times when disturbed")
-        if verdict.passed and failed[name] > FORGIVEN
-        else verdict
-        for name, verdict in verdicts.items()
+    return verdicts | {
+        name: replace(one, passed=False, reason=f"fails {failed[name]} times when disturbed")
+        for name, one in verdicts.items()
+        if one.passed and failed[name] > FORGIVEN
     }
 
 

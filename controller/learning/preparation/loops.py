@@ -122,9 +122,7 @@ def close_loop(channels: Array, cut: Seam, velocities: slice, rate: float) -> Ar
     amplitude of its acceleration in the clip, so that a seam is eased as quickly as the motion itself swings.
     """
     loop = channels[cut.start : cut.end].copy()
-    (value, slope), (end_value, end_slope) = (
-        _course(channels, frame, velocities, rate) for frame in (cut.start, cut.end)
-    )
+    (value, slope), (end_value, end_slope) = (_course(channels, at, velocities, rate) for at in (cut.start, cut.end))
     apart, turned = end_value - value, rate * (end_slope - slope)
     usual = rate**2 * np.sqrt(2.0 * np.square(slopes(slopes(channels, rate), rate)).mean(0)) + TINY
     tau = (0.354 * np.abs(turned) + np.sqrt((0.354 * turned) ** 2 + 0.644 * usual * np.abs(apart))) / (2.0 * usual)

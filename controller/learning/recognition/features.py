@@ -23,7 +23,6 @@ JOINTS = (*JOINTS, "thorax", "head")
 _ENDS = {"femur": "kne", "tibia": "ank", "foot": "foo", "humerus": "elb", "radius": "wri", "wrist": "han"}
 CANONICAL = {side + bone: side + end for bone, end in _ENDS.items() for side in "lr"}
 CANONICAL |= {"thorax": "neck", "head": "head"}
-ENDS = ("lfoot", "rfoot", "lwrist", "rwrist", "head")
 
 # Units of the features, in which swing and speed of an arm have equal weight.
 POSITION_UNIT = 0.3  # m

@@ -28,14 +28,8 @@ class Approach:
     def within(cls, limits: JointLimits, start: Array, goal: Array, slowness: float = 4.0) -> Approach:
         """The approach that takes `slowness` times as long as the limits of velocity, acceleration and jerk demand."""
         distance = np.abs(goal - start)
-        shortest = np.max(
-            [
-                _VELOCITY * distance / limits.velocity,
-                np.sqrt(_ACCELERATION * distance / limits.acceleration),
-                np.cbrt(_JERK * distance / limits.jerk),
-            ],
-            initial=0.0,
-        )
+        least = [_VELOCITY * distance / limits.velocity, np.sqrt(_ACCELERATION * distance / limits.acceleration)]
+        shortest = np.max([*least, np.cbrt(_JERK * distance / limits.jerk)], initial=0.0)
         return cls(start.copy(), goal.copy(), slowness * float(shortest))
 
     def at(self, time: float) -> Array:

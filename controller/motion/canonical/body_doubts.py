@@ -100,12 +100,8 @@ def _lie(lines: Array) -> bool:
 
 def _arms_by_shape(skeleton: Skeleton, marks: Landmarks) -> str:
     named = set(named_parts(skeleton.bones))
-    arms = [
-        f"the {side} arm"
-        for side in SIDES
-        if side[0] + "elb" in marks.joint and not {("upper arm", side), ("forearm", side)} <= named
-    ]
-    return " and ".join(arms)
+    arms = [side for side in SIDES if side[0] + "elb" in marks.joint]
+    return " and ".join(f"the {arm} arm" for arm in arms if not {("upper arm", arm), ("forearm", arm)} <= named)
 
 
 def _toes_ahead(own: Clip) -> float:

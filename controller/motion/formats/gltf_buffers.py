@@ -87,15 +87,13 @@ class _View(msgspec.Struct, rename="camel"):
     byte_stride: int | None = None
 
 
-class _Indices(msgspec.Struct, rename="camel"):
-    buffer_view: int
-    component_type: int
-    byte_offset: int = 0
-
-
 class _Values(msgspec.Struct, rename="camel"):
     buffer_view: int
     byte_offset: int = 0
+
+
+class _Indices(_Values, rename="camel", kw_only=True):
+    component_type: int
 
 
 class _Sparse(msgspec.Struct):

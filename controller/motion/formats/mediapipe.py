@@ -127,7 +127,7 @@ def _check_world(path: str | Path, position: Array) -> None:
     height, depth = np.median(np.ptp(seen, axis=1), axis=0)[1:]
     if (low >= 0.0 and high <= 1.0) or depth < _DEEP * height:
         raise FileFormatError(
-            f"{path}: image coordinates, without a depth in metres. Write pose_world_landmarks instead."
+            f"{path}: image coordinates, without a depth in metres. Write pose_world_landmarks, not pose_landmarks."
         )
 
 

@@ -52,14 +52,8 @@ def read_amc(path: str | Path, skeleton: AcclaimSkeleton, rate: float = 120.0) -
         local = multiply(multiply(axis, turned(turns)), conjugate(axis))
         rotation[:, bone] = local if parent is None else multiply(rotation[:, parent], local)
 
-    return Clip(
-        name=Path(path).stem,
-        skeleton=skeleton.skeleton,
-        rate=rate,
-        root_position=from_acclaim(place) + skeleton.root_position,
-        rotation=continuous(rotation),
-        source=Path(path).name,
-    )
+    root = from_acclaim(place) + skeleton.root_position
+    return Clip(Path(path).stem, skeleton.skeleton, rate, root, continuous(rotation), Path(path).name)
 
 
 def _values(path: str | Path, skeleton: AcclaimSkeleton, columns: Columns) -> tuple[Array, float | None]:

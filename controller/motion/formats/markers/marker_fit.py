@@ -35,15 +35,8 @@ from motiondeck_base.errors import FileFormatError
 from motiondeck_base.files import listed
 
 # The bone of each marker; l and r are put before those of the limbs.
-_LIMBS = {
-    "kne": ("THI", "KNE"),
-    "ank": ("SHN", "ANK"),
-    "foo": ("HEE", "TOE", "MT5"),
-    "sho": ("SHO",),
-    "elb": ("UPA", "ELB"),
-    "wri": ("FRM", "WRA", "WRB"),
-    "han": ("FIN",),
-}
+_LIMBS: dict[str, tuple[str, ...]] = {"kne": ("THI", "KNE"), "ank": ("SHN", "ANK"), "foo": ("HEE", "TOE", "MT5")}
+_LIMBS |= {"sho": ("SHO",), "elb": ("UPA", "ELB"), "wri": ("FRM", "WRA", "WRB"), "han": ("FIN",)}
 BONE_OF = {
     **dict.fromkeys(("LFWT", "RFWT", "LBWT", "RBWT"), "root"),
     **dict.fromkeys(("C7", "T10", "CLAV", "STRN", "RBAC"), "neck"),

@@ -173,10 +173,7 @@ def _arm(seen: Landmarks, side: str, sign: float, left: Array, up: Array) -> dic
     shoulder = seen["shoulder", side] - SHOULDER * up
     # A bent arm determines the axis of its elbow; that of a straight one is assumed to lie across the chest.
     axis = cross(normalise(elbow - shoulder), normalise(wrist - elbow)) - 0.2 * left
-    joints = {
-        side + "sho": shoulder,
-        side + "elb": _centre(seen, "elbow", side, sign * ELBOW * normalise(axis)),
-        side + "wri": wrist,
-    }
+    elbow = _centre(seen, "elbow", side, sign * ELBOW * normalise(axis))
+    joints = {side + "sho": shoulder, side + "elb": elbow, side + "wri": wrist}
     hand = seen.get(("hand", side))
     return joints if hand is None else joints | {side + "han": hand}
