@@ -30,7 +30,7 @@ from controller.loop.permissions import FIFO_PRIORITY, request_realtime
 from hardware.emulator.process import start_emulator
 from hardware.rig.rig_file import RigConfig, load_rig
 from hardware.rig.supervision.rig import Rig
-from motiondeck.run.guard.guarded_rig import begin_with, connect, guard_process
+from motiondeck.run.guard.guarded_rig import connect, guard_process
 from motiondeck.run.robots.rig_output import narrowed
 from motiondeck_base.shipped import find_library, find_rig, find_robot
 from sim.robots.robot import load_robot
@@ -110,7 +110,7 @@ def guarded(config: RigConfig, port: str) -> Iterator[tuple[Driven, int]]:
     limits = narrowed(robot.limits, robot, config)
     places = [robot.joints.index(name) for name in config.names]
     with guard_process() as (link, process):
-        rig = connect(link, process, begin_with(config, limits, places, [port], None))
+        rig = connect(link, process, config, limits, places, [port], None)
         try:
             yield rig, process.pid
         finally:

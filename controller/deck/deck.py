@@ -12,7 +12,7 @@ from controller.deck.interfaces import Retargeter
 from controller.deck.joins.joining import Joining
 from controller.deck.layers import OFF, Layers
 from controller.deck.lockable import Lockable
-from controller.deck.locks.phase_lock import LoopPlace
+from controller.deck.locks.phase_lock import LoopPlace, Person
 from controller.deck.performance import Performance
 from controller.deck.routes import Routes
 from controller.deck.switch import CommandedSwitch
@@ -21,7 +21,7 @@ from controller.library.motion_library import MotionLibrary
 from controller.motion.rotations import Array
 from controller.motion.skeleton import Pose, Posture
 from controller.networks.base import Activation
-from controller.wire.messages.arguments import HELD, PHASE, TEMPO, blend_weights
+from controller.wire.messages.arguments import AGO, HELD, PHASE, TEMPO, blend_weights
 from controller.wire.messages.replies import Event
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
 
@@ -255,8 +255,12 @@ class Deck(Lockable):
         CommandError if a number is out of its range. UnknownNameError if there is no such motion.
         """
         self._check(motion)
-        if self.see_person(motion, phase, tempo, ago) and motion != self.motion:
-            self.switch(motion, direct=True)
+        for number, value in ((PHASE, phase), (TEMPO, tempo), (AGO, ago)):
+            number.check(value)
+        if isinstance(person := self._source, Person):
+            person.see(self._clock() - ago, motion, phase, tempo)
+            if motion != self.motion:
+                self.switch(motion, direct=True)
 
     def jump(self, phase: float) -> None:
         """Fades to a phase in [0, 1] of the present motion, from the next update on; in a loop 1 is 0.

@@ -7,7 +7,7 @@ from controller.deck.locks.body_lock import BodyLock, Measured
 from controller.deck.locks.phase_lock import Beats, Leader, LoopPlace, OtherDeck, Person, PhaseLock
 from controller.deck.tempo import TEMPO_RATE, Paced
 from controller.motion.rotations import Array
-from controller.wire.messages.arguments import AGO, PHASE, STEPS, TEMPO
+from controller.wire.messages.arguments import AGO, PHASE, STEPS
 from controller.wire.messages.deck_snapshot import LockSource, LockState
 from motiondeck_base.errors import MotiondeckError
 
@@ -99,17 +99,6 @@ class Lockable(Paced, ABC):
         assert isinstance(beats, Beats), "locked to beats"
         beats.clock.beat(self._clock() - ago)
 
-    def see_person(self, motion: str, phase: float, tempo: float, ago: float) -> bool:
-        """Takes where a person was `ago` seconds ago; whether this deck is locked to them.
-
-        CommandError if a number is out of its range.
-        """
-        for number, value in ((PHASE, phase), (TEMPO, tempo), (AGO, ago)):
-            number.check(value)
-        if isinstance(person := self._source, Person):
-            person.see(self._clock() - ago, motion, phase, tempo)
-        return isinstance(person, Person)
-
     def _clock(self) -> float:
         return self.due() if self.due is not None else self.time
 
@@ -134,5 +123,5 @@ class Lockable(Paced, ABC):
         time = self.phase_at - dt if self.phase_at is not None else self.time + self.lead
         if self._lock is None or (playhead := self._playhead(time)) is None:
             return self.advance_tempo(dt), None
-        steering = self._lock.steer(playhead)
-        return self.steer_tempo(steering.tempo, self._lock.rate, dt), steering.jump
+        tempo, jump = self._lock.steer(playhead)
+        return self.steer_tempo(tempo, self._lock.rate, dt), jump

@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 
 from controller.deck.deck import Deck
-from controller.deck.joins.deck_motions import BodyCourse, Motion, read_motion, read_motions
+from controller.deck.joins.deck_motions import Motion, read_motion, read_motions
 from controller.deck.joins.join_limits import FASTEST, HARDEST
 from controller.deck.joins.joining import Joining
 from controller.deck.performance import VELOCITY_REACH
@@ -136,7 +136,7 @@ def _ends(library: MotionLibrary, info: MotionInfo) -> Motion:
     """A motion without its course, which is many times as large."""
     motion = read_motion(library, info)
     library.network.rest()
-    first = {"course": BodyCourse(motion.course.rows[:1].copy()), "postures": motion.postures_ahead(NOW, 1.0)}
+    first = {"course": motion.course[:1].copy(), "postures": motion.postures_ahead(NOW, 1.0)}
     every = {name: on_disk(getattr(motion, name)) for name in ("places", "velocities", "exits")}
     return replace(motion, **first, **every)
 

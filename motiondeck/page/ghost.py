@@ -53,7 +53,7 @@ class Ghost:
         The centre (2,), m, is that of the view.
         """
         if way == WAYS[0]:
-            self._drawn.hide()
+            self._drawn.set_visible(False)
             return
         aside = np.array([0.0, self._aside if way == WAYS[2] else 0.0])
         self._qpos[self._root : self._root + 2] = beneath + aside

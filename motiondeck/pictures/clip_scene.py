@@ -102,9 +102,8 @@ def _beside(clip: Clip, robot: Path) -> tuple[mujoco.MjModel, Array, Array, list
     from motiondeck.pictures.side_by_side import PREFIX, SideBySide
     from sim.models.feet import find_feet
     from sim.physics.physics_model import feet_of
-    from sim.robots.catalogue import find_robot
 
-    both = SideBySide(clip.skeleton, find_robot("mannequin"), robot, 1.0 / clip.rate)
+    both = SideBySide(clip.skeleton, robot, 1.0 / clip.rate)
     qpos = np.array([both.qpos(pose, own_path=True).copy() for pose in poses_of(clip)])
     feet = list(find_feet(both.human.model, both.human.model.qpos0))
     feet += [replace(foot, body=PREFIX + foot.body) for foot in feet_of(both.robot)]

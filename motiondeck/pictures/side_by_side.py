@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 
 from controller.library.motion_library import load_library
-from controller.motion.clip import Clip
+from controller.motion.clip import Clip, poses_of
 from controller.motion.rotations import Array
 from controller.motion.skeleton import Pose, Skeleton
 from motiondeck_base.shipped import find_library
@@ -25,11 +25,11 @@ _SIZES = ("memory", "nconmax", "njmax", "nstack", "nkey", "nuserdata", *(f"nuser
 class SideBySide:
     """A mannequin of the robot's size on the left, the robot (with PREFIX in `model`) on the right, on one floor."""
 
-    def __init__(self, skeleton: Skeleton, human: Path, robot: Path, dt: float) -> None:
-        """Loads both from their robot files, for poses of a skeleton dt seconds apart."""
+    def __init__(self, skeleton: Skeleton, robot: Path, dt: float) -> None:
+        """Loads the robot from its file, for poses of a skeleton dt seconds apart."""
         self.robot = load_robot(robot, skeleton, dt=dt)
         self.scale = self.robot.path_scale  # the size of the human shown over that of the skeleton
-        self.human = load_robot(human, replace(skeleton, length=skeleton.length * self.scale))
+        self.human = load_robot(find_robot("mannequin"), replace(skeleton, length=skeleton.length * self.scale))
         spec, other = self.human.spec.copy(), with_visuals(self.robot.spec)[0].copy()
         for thing in [*other.worldbody.geoms, *other.worldbody.lights, *other.equalities]:
             other.delete(thing)
@@ -73,11 +73,6 @@ def draw_beside(clip: Clip, robot: Path, out: Path) -> None:
     """Two rows of moments of a clip: the human, and beside it the robot."""
     from motiondeck.pictures.video import contact_sheet
 
-    both = SideBySide(clip.skeleton, find_robot("mannequin"), robot, 1.0 / clip.rate)
-    every = max(1, len(clip) // MOMENTS)
-    row: list[Array] = []
-    for frame in range(every * MOMENTS):
-        qpos = both.qpos(Pose(clip.root_position[frame], np.zeros(()), clip.rotation[frame]))
-        if frame % every == every - 1:
-            row.append(qpos.copy())
+    both, every = SideBySide(clip.skeleton, robot, 1.0 / clip.rate), max(1, len(clip) // MOMENTS)
+    row = [both.qpos(pose).copy() for pose in poses_of(clip)][every - 1 : every * MOMENTS : every]
     contact_sheet([(clip.name, both.model, row[:4]), ("", both.model, row[4:])], out, TILE)

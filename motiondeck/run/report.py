@@ -53,34 +53,32 @@ def progress_line(
         yield
         return
     over = threading.Event()
-    line = threading.Thread(target=_show_line, args=(deck, stop, seconds, prompt, out, over), daemon=True)
+
+    def show() -> None:
+        shown = ""
+        with suppress(OSError, ValueError):  # a terminal that has gone
+            while not over.wait(PERIOD):
+                words = words_of(deck, stop, seconds)
+                if words == shown or (prompt and not stop):
+                    continue
+                shown = words
+                width = shutil.get_terminal_size().columns - 1
+                # The cursor goes back to the start, so that what others print replaces the line.
+                out.write(f"\n{words}\n" if prompt else f"\r\x1b[K{words[:width]}\r")
+                out.flush()
+                if prompt:
+                    return
+            if shown and not prompt:
+                out.write("\x1b[K")
+                out.flush()
+
+    line = threading.Thread(target=show, daemon=True)
     line.start()
     try:
         yield
     finally:
         over.set()
         line.join(1.0)
-
-
-def _show_line(
-    deck: PlayableDeck, stop: StopRequest, seconds: float | None, prompt: bool, out: TextIO, over: threading.Event
-) -> None:
-    shown = ""
-    with suppress(OSError, ValueError):  # a terminal that has gone
-        while not over.wait(PERIOD):
-            words = words_of(deck, stop, seconds)
-            if words == shown or (prompt and not stop):
-                continue
-            shown = words
-            width = shutil.get_terminal_size().columns - 1
-            # The cursor goes back to the start, so that what others print replaces the line.
-            out.write(f"\n{words}\n" if prompt else f"\r\x1b[K{words[:width]}\r")
-            out.flush()
-            if prompt:
-                return
-        if shown and not prompt:
-            out.write("\x1b[K")
-            out.flush()
 
 
 _AT_ONCE = 0.05  # s: a fall before this is reported as one at once

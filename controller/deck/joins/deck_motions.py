@@ -16,52 +16,15 @@ from controller.motion.skeleton import Posture, Skeleton, walk_path
 from controller.networks.base import AnyNetwork, Channels
 
 
-@dataclass(frozen=True)
-class BodyCourse:
-    """A body at S moments in its own heading frame, in one array, for fast interpolation."""
+def course_of(posture: Posture, skeleton: Skeleton) -> Array:
+    """The course of a body through postures (S, ...) in its own heading frame, in one array for fast interpolation.
 
-    # Of each moment the vector along each bone, m, the height, m, the velocity, m/s, and the turn rate, rad/s, shape
-    # (S, 3 B + 4).
-    rows: Array
-
-    @classmethod
-    def of(cls, posture: Posture, skeleton: Skeleton) -> BodyCourse:
-        """The course of postures (S, ...)."""
-        bones = rotate(posture.rotation[:, 1:], skeleton.rest_direction * skeleton.length[:, None])
-        moving = np.column_stack([posture.height, posture.velocity, posture.turn_rate])
-        return cls(np.concatenate([bones.reshape(len(bones), -1), moving], axis=1))
-
-    def __len__(self) -> int:
-        return len(self.rows)
-
-    @property
-    def bones(self) -> Array:
-        """The vectors along the bones, shape (S, B, 3), m."""
-        return self.rows[:, :-4].reshape(len(self.rows), -1, 3)
-
-    @property
-    def height(self) -> Array:
-        """Of the root above the ground, shape (S,), m."""
-        return self.rows[:, -4]
-
-    @property
-    def velocity(self) -> Array:
-        """Of the root along the ground, forward and left, shape (S, 2), m/s."""
-        return self.rows[:, -3:-1]
-
-    @property
-    def turn_rate(self) -> Array:
-        """Of the heading, about the vertical, shape (S,), rad/s."""
-        return self.rows[:, -1]
-
-    def at(self, place: Array, rate: Array, *, loop: bool) -> BodyCourse:
-        """The course at places (S,) in moments, at rates (S,), 1 its own; a loop goes round, others stay at an end."""
-        low = np.floor(place).astype(np.int64)
-        mode = "wrap" if loop else "clip"
-        first, second = self.rows.take(low, 0, mode=mode), self.rows.take(low + 1, 0, mode=mode)
-        rows = first + (place - low)[:, None] * (second - first)
-        rows[:, -3:] *= rate[:, None]
-        return BodyCourse(rows)
+    Of each moment it has the vector along each bone, m, the height of the root, m, its velocity forward and left, m/s,
+    and the turn rate of the heading, rad/s, shape (S, 3 B + 4).
+    """
+    bones = rotate(posture.rotation[:, 1:], skeleton.rest_direction * skeleton.length[:, None])
+    moving = np.column_stack([posture.height, posture.velocity, posture.turn_rate])
+    return np.concatenate([bones.reshape(len(bones), -1), moving], axis=1)
 
 
 ENTRY_SHARE = 0.1
@@ -79,7 +42,7 @@ class Motion:
     places: Array  # joint positions in the heading frame at the anchors where it may be entered, shape (A, F), m
     velocities: Array  # their rates, m/s
     exits: Array  # places where it may be left: all of a loop, the end of a one-shot, shape (E, F), m
-    course: BodyCourse  # at all anchors, those too where it may not be entered
+    course: Array  # as of `course_of`, at all anchors, those too where it may not be entered
     postures: Posture
     offsets: Array  # of the body of its recording, shape (B, 3), m, as `Skeleton.offsets`
     spacing: float  # from anchor to anchor, s
@@ -88,9 +51,14 @@ class Motion:
     speed: float  # the largest of any joint in the world, over PEAKS_OVER, m/s
     acceleration: float  # likewise, m/s^2
 
-    def ahead(self, at: Array, rate: Array) -> BodyCourse:
+    def ahead(self, at: Array, rate: Array) -> Array:
         """The course at times (S,), s from its beginning, when it is played at these rates (S,), 1 being its own."""
-        return self.course.at(at / self.spacing, rate, loop=self.loop)
+        place = at / self.spacing
+        low, mode = np.floor(place).astype(np.int64), "wrap" if self.loop else "clip"
+        first, second = self.course.take(low, 0, mode=mode), self.course.take(low + 1, 0, mode=mode)
+        rows = first + (place - low)[:, None] * (second - first)
+        rows[:, -3:] *= rate[:, None]
+        return rows
 
     def postures_ahead(self, at: Array, rate: float) -> Posture:
         """The postures at times (S,), s from its beginning, when it is played at this rate, 1 being its own."""
@@ -158,7 +126,7 @@ def read_motion(library: MotionLibrary, info: MotionInfo) -> Motion:
         places=places[:entries].copy(),  # a view would hold all of them
         velocities=velocities[:entries].copy(),
         exits=places if loop else places[-1:].copy(),
-        course=BodyCourse.of(postures, library.encoding.skeleton),
+        course=course_of(postures, library.encoding.skeleton),
         postures=postures,
         offsets=library.offsets(info.name),
         spacing=spacing,

@@ -14,7 +14,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from controller.deck.joins.deck_motions import BodyCourse
 from controller.deck.joins.join_limits import Bounds
 from controller.deck.joins.transition import Fade, displaced
 from controller.motion.rotations import Array, cross, dot
@@ -46,7 +45,7 @@ class FadeSearch:
     def __init__(
         self,
         differ: Callable[[], tuple[Array, Array]],
-        ahead: Callable[[Array], BodyCourse],
+        ahead: Callable[[Array], Array],
         chain: Array,
         bounds: Bounds,
     ) -> None:
@@ -100,7 +99,7 @@ class FadeSearch:
         return max(acceleration / (PLANNED_SHARE * self._bounds.acceleration), (float(speeds.max()) / fastest) ** 2)
 
 
-def peaks(fade: Fade, ahead: Callable[[Array], BodyCourse], chain: Array) -> tuple[Array, float]:
+def peaks(fade: Fade, ahead: Callable[[Array], Array], chain: Array) -> tuple[Array, float]:
     """How fast joints are during a fade, and how much they are accelerated beyond its target's own motion.
 
     Returns the speed of the fastest joint in each part of the fade, shape (parts,), m/s, and the largest acceleration
@@ -112,17 +111,18 @@ def peaks(fade: Fade, ahead: Callable[[Array], BodyCourse], chain: Array) -> tup
     shares = np.stack(fade.shares(time), axis=-1)
     left = (shares @ np.stack([fade.value, fade.rate]).reshape(2, -1)).reshape(len(time), -1, 3)
     target = ahead(time)
-    heading = step * (np.cumsum(target.turn_rate) - 0.5 * (target.turn_rate + target.turn_rate[0]))
+    turn_rate = target[:, -1]
+    heading = step * (np.cumsum(turn_rate) - 0.5 * (turn_rate + turn_rate[0]))
     cosine, sine = np.cos(heading), np.sin(heading)
     facing = np.array([[cosine, sine], [-sine, cosine]]).transpose(2, 0, 1)
-    bones = target.bones.copy()
+    bones = target[:, :-4].reshape(len(time), -1, 3).copy()
     bones[..., :2] = bones[..., :2] @ facing
     parts = 1 + len(chain)
     away = _turned_away(bones, left[:, 1:parts])
     drift = left[:, parts]
     root = np.empty((len(time), 3))  # its velocity along the ground and its height
-    root[:, :2] = (target.velocity[:, None] @ facing)[:, 0] + drift[:, 1:]
-    root[:, 2] = target.height + drift[:, 0]
+    root[:, :2] = (target[:, None, -3:-1] @ facing)[:, 0] + drift[:, 1:]
+    root[:, 2] = target[:, -4] + drift[:, 0]
     walked = np.empty((samples, 1, 3))
     walked[:, 0, :2] = 0.5 * (root[1:, :2] + root[:-1, :2])
     walked[:, 0, 2] = (root[1:, 2] - root[:-1, 2]) / step

@@ -35,16 +35,12 @@ class PoseTable:
         self._spacing = seconds / self._count
         self._poses = np.full((self._count + (not loop), joints), np.nan)
         self._around = np.arange(-round(WINDOW / self._spacing), round(WINDOW / self._spacing) + 1)
-        self._before: tuple[float, Array] | None = None
-
-    def forget_last(self) -> None:
-        """The next pose does not follow the last one."""
-        self._before = None
+        self.before: tuple[float, Array] | None = None  # the last pose; None where the next one does not follow it
 
     def note(self, phase: float, targets: Array) -> None:
         """Keeps the targets (J,), rad, of a phase, interpolated to the rows that were passed since the last call."""
-        place, before = phase * self._count, self._before
-        self._before = place, targets.copy()
+        place, before = phase * self._count, self.before
+        self.before = place, targets.copy()
         if before is None:
             return
         start, pose = before
@@ -133,7 +129,7 @@ class BodyLock:
         table, measured = self._tables.get(playhead.motion), self._measured()
         if not playhead.alone or table is None or measured is None or self._targets is None:
             self._stage, self._lag_s = "searching", None
-            return Steering(playhead.tempo)
+            return playhead.tempo, None
         lag, beside = table.project(playhead.phase, self._targets, measured)
         self._lag_s = lag
         size = max(1.0, abs(playhead.tempo))
@@ -141,7 +137,7 @@ class BodyLock:
         on_path = min(max((STOPPED - beside) / (STOPPED - BESIDE), 0.0), 1.0)
         tempo = on_path * min(max(playhead.tempo - pull, -size), 2.0 * size)
         self._stage = "waiting" if abs(tempo - playhead.tempo) > _WAITS * (abs(playhead.tempo) or 1.0) else "locked"
-        return Steering(min(max(tempo, TEMPO.lowest), TEMPO.highest))
+        return min(max(tempo, TEMPO.lowest), TEMPO.highest), None
 
     def note(self, playhead: LoopPlace, targets: Array) -> None:
         """Takes the joint targets (J,) or more, rad, that a tick has led to; those of joins are not the motion's."""
@@ -156,4 +152,4 @@ class BodyLock:
         if playhead.alone:
             table.note(playhead.phase, own)
         else:
-            table.forget_last()
+            table.before = None

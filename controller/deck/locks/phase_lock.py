@@ -24,14 +24,7 @@ class LoopPlace:
     alone: bool  # whether the motion is played alone: nothing is joined, blended or paused
 
 
-@dataclass(frozen=True, slots=True)
-class Steering:
-    """The tempo that a lock asks for, and the phase of a jump if the error is large."""
-
-    tempo: float
-    jump: float | None = None
-
-
+Steering = tuple[float, float | None]  # the tempo that a lock asks for, and the phase of a jump if the error is large
 MOST, STIFFNESS = 1.0, 5.0  # corrections of the tempo: at most this much, and 1/s for small errors
 _SHARE = 0.8  # of the rate of the tempo, that braking uses; the rest is left for what the reference itself does
 
@@ -204,15 +197,15 @@ class PhaseLock:
         reference = self.source.reference(playhead)
         if reference is None or playhead.loop == reference.once:
             self._note(playhead.time, None)
-            return Steering(playhead.tempo)
+            return playhead.tempo, None
         tempo = reference.rate * playhead.seconds
         behind = reference.phase - playhead.phase
         error = (behind if reference.once else wrapped(behind, reference.modulus)) * playhead.seconds
         self._note(playhead.time, error / max(abs(tempo), _SLOWEST) if reference.steady else None)
         if abs(error) > JUMPS_BEYOND and playhead.alone:
-            return Steering(_clipped(tempo, tempo), (playhead.phase + error / playhead.seconds) % 1.0)
+            return _clipped(tempo, tempo), (playhead.phase + error / playhead.seconds) % 1.0
         steered = tempo + correction(error, self.rate)
-        return Steering(_clipped(steered, steered if reference.turns_back else tempo))
+        return _clipped(steered, steered if reference.turns_back else tempo), None
 
     def _note(self, time: float, error: float | None) -> None:
         self._error_s = error

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from controller.deck.joins.deck_motions import BodyCourse, Motion
+from controller.deck.joins.deck_motions import Motion
 from controller.deck.tracks.frame_player import FramePlayer
 from controller.library.motion_library import MotionLibrary
 from controller.motion.quintic import rise
@@ -179,14 +179,14 @@ class Track:
         self.posture_before, self.posture = self.posture, posture
         return posture
 
-    def ahead(self, tempo: float, onset: float = 1.0) -> Callable[[Array], BodyCourse]:
+    def ahead(self, tempo: float, onset: float = 1.0) -> Callable[[Array], Array]:
         """The course of the stored motion at times (S,) from now on, s, of which the first is 0.
 
         It reaches the tempo from a share `onset` of it, with the square of time (see `Fading.onset`).
         """
         motion, begin = self.motion, self.at
 
-        def course(times: Array) -> BodyCourse:
+        def course(times: Array) -> Array:
             risen = (1.0 - onset) * (times / times[-1]) ** 2
             return motion.ahead(begin + tempo * times * (onset + risen / 3.0), tempo * (onset + risen))
 

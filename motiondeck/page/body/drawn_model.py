@@ -66,7 +66,7 @@ class DrawnModel:
         """Draws it at qpos (nq,), as seen by someone at the centre (2,), m."""
         self.data.qpos[:] = qpos
         mujoco.mj_kinematics(self._model, self.data)
-        self._set_visible(True)
+        self.set_visible(True)
         position, orientation = poses(self._model, self.data, self._geom, self._offset)
         position[:, :2] -= centre
         position, orientation = position.astype(np.float32), orientation.astype(np.float32)
@@ -85,11 +85,8 @@ class DrawnModel:
             for handle in handles:
                 handle.batched_scales = batch.scale.astype(np.float32)
 
-    def hide(self) -> None:
-        """Hides it until it is shown again."""
-        self._set_visible(False)
-
-    def _set_visible(self, visible: bool) -> None:
+    def set_visible(self, visible: bool) -> None:
+        """Hides it until it is shown again, or shows it."""
         for handle in (handle for handles in self._handles for handle in handles):
             handle.visible = visible
 

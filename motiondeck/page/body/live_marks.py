@@ -27,7 +27,7 @@ class TargetPose:
         """Draws it at a target (nq,), as seen by someone at the centre (2,), m."""
         if not visible:
             if self._drawn is not None:
-                self._drawn.hide()
+                self._drawn.set_visible(False)
             return
         if self._drawn is None:
             model = self._load()

@@ -237,9 +237,18 @@ def _end(process: subprocess.Popen[bytes], patience: float) -> None:
     process.wait()
 
 
-def connect(link: GuardLink[Note], process: subprocess.Popen[bytes], begin: Begin) -> GuardedRig:
-    """Has the guard connect a rig, and waits for it; RigError if it cannot be connected."""
-    link.send(begin)
+def connect(
+    link: GuardLink[Note],
+    process: subprocess.Popen[bytes],
+    config: RigConfig,
+    limits: JointLimits,
+    joints: Sequence[int],
+    ports: Sequence[str],
+    emulated: str | None,
+) -> GuardedRig:
+    """Has the guard connect a rig, whose joints have these places in the limits; RigError if it cannot be connected."""
+    own = {kind.name: getattr(limits, kind.name)[list(joints)].tolist() for kind in fields(limits)}
+    link.send(begin := Begin(config, list(ports), emulated, own))
     while not link.lost:
         select.select([link.fileno()], (), ())
         for note in link.receive()[1]:
@@ -248,11 +257,3 @@ def connect(link: GuardLink[Note], process: subprocess.Popen[bytes], begin: Begi
             if isinstance(note, messages.Connected):
                 return GuardedRig(link, process, begin, note)
     raise RigError("the guard of the rig has ended before the rig was connected")
-
-
-def begin_with(
-    config: RigConfig, limits: JointLimits, joints: Sequence[int], ports: Sequence[str], emulated: str | None
-) -> Begin:
-    """The first message to a guard; `joints` are the places of the rig's joints in the limits."""
-    own = {kind.name: getattr(limits, kind.name)[list(joints)].tolist() for kind in fields(limits)}
-    return Begin(config, list(ports), emulated, own)

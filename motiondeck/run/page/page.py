@@ -27,7 +27,7 @@ from motiondeck.run.beside.child_process import free_port
 from motiondeck.run.guard.messages import SERVO_ROWS
 from motiondeck.run.recognition.watches import BodyWatch, Watch
 from motiondeck.run.robots.rig_output import RigOutput
-from motiondeck.run.robots.robot_on_deck import RobotOnDeck, Simulation
+from motiondeck.run.robots.robot_on_deck import RobotOnDeck
 from sim.physics.playback import PhysicsPlayback
 from sim.robots.verdict import RobotVerdict
 
@@ -55,20 +55,9 @@ class PageContents:
     verdicts: Mapping[str, RobotVerdict] = field(default_factory=dict[str, RobotVerdict])  # by motion, those kept
 
     @property
-    def simulations(self) -> list[Simulation]:
-        """Of the robots, in order."""
-        return [robot.simulation for robot in self.robots]
-
-    @property
-    def numbers(self) -> SnapshotNumbers:
-        """The snapshots of this run as numbers."""
-        recognizable = self.watch.names if self.watch is not None else ()
-        return SnapshotNumbers(self.deck.motions, recognizable=recognizable, joints=self.robots[0].own_joints)
-
-    @property
     def arrays(self) -> PictureArrays:
         """Empty arrays of the shapes that a picture of this run has."""
-        first, *others = self.simulations
+        first, *others = (robot.simulation for robot in self.robots)
         size, human, floor = first.robot.model.nq, self.human, on_floor(self.robots[0])
         activation = self.deck.activation if self.library is not None else None
         return PictureArrays(
@@ -88,7 +77,8 @@ class PageContents:
         from sim.models.gravity import GRAVITY
         from sim.physics.pushes import usual_push
 
-        deck, robot = self.deck, self.simulations[0].robot
+        deck, simulation = self.deck, self.robots[0].simulation
+        robot = simulation.robot
         rest = robot.model.qpos0.copy()
         robot.layout.place(robot.rest, rest)
         library = str(self.library.resolve()) if self.library is not None else None
@@ -113,7 +103,7 @@ class PageContents:
             live=[*groups, *(joint for joint in self.robots[0].joints if joint not in refused)],
             gazes=len(self.robots[0].gaze) > 0 and refused.isdisjoint(self.robots[0].gaze),
             human=human,
-            walks=self.simulations[0].root != "fixed",
+            walks=simulation.root != "fixed",
             weight=GRAVITY * float(robot.model.body_mass.sum()) if standing else None,
             push_ns=usual_push(robot.model) if self.robots[0].pushable is not None else 0.0,
             verdicts={name: (verdict.answer, verdict.words) for name, verdict in self.verdicts.items()},
@@ -132,15 +122,15 @@ _POSITIONS = 1  # row of `ServoStates`
 class Page:
     """Writes the shared state that the view reads; the reason why the run has ended goes beside its file."""
 
-    def __init__(self, state: Path, contents: PageContents, description: msgspec.Struct | None = None) -> None:
-        self._numbers, empty = contents.numbers, contents.arrays
-        described = msgspec.to_builtins(description) if description is not None else {}
-        self._writer = StateWriter.create(state, described, self._numbers.sizes | empty.sizes)
+    def __init__(self, state: Path, contents: PageContents, description: PageDescription) -> None:
+        names = {"recognizable": description.recognizable, "joints": description.joints}
+        self._numbers, empty = SnapshotNumbers(description.motions, **names), contents.arrays
+        self._writer = StateWriter.create(state, msgspec.to_builtins(description), self._numbers.sizes | empty.sizes)
         self._arrays = PictureArrays.over(self._writer.fields, empty.shapes)
         self._reason_file = state.with_name(REASON_FILE)
         self._servos = contents.servos
         self._pictures = 0
-        first, *others = contents.simulations
+        first, *others = (robot.simulation for robot in contents.robots)
         self._stage, self._follower = first.stage, others[0].stage if others else None
         # The human is shown as late as the body follows it.
         self._human = LatePoses(first.stage.behind_s)
@@ -153,7 +143,7 @@ class Page:
         """Puts the robots' models, the human's and the state beside each other, where the view waits for them."""
         from motiondeck.page.ghost import draw_ghost
 
-        robots = [simulation.robot for simulation in contents.simulations]
+        robots = [one.simulation.robot for one in contents.robots]
         models = [state.with_name(f"robot{index}.xml") for index in range(len(robots))]
         for robot, model in zip(robots, models, strict=True):
             write_shared(model, robot.spec.to_xml())

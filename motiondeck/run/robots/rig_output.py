@@ -17,7 +17,7 @@ from controller.loop.lead import Delay
 from controller.loop.output_channel import Channel
 from controller.motion.rotations import Array
 from controller.motion.skeleton import Pose
-from motiondeck.run.guard.guarded_rig import Awaited, GuardedRig, GuardProcess, begin_with, connect
+from motiondeck.run.guard.guarded_rig import Awaited, GuardedRig, GuardProcess, connect
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
 from motiondeck_base.files import listed
 
@@ -197,7 +197,7 @@ def open_rig(
     limits = narrowed(robot.limits, robot, config)
     check_joints(config.names, robot.joints)
     places = [robot.joints.index(name) for name in config.names]
-    rig = connect(*guard, begin_with(config, limits, places, (), str(file) if emulated else None))
+    rig = connect(*guard, config, limits, places, (), str(file) if emulated else None)
     opening.callback(close_rig, rig)
     return Channel(RigOutput(rig, robot.joints, config.rate_hz), round(every)), limits
 

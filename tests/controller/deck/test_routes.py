@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 import synthetic
 from controller.deck.deck import Deck
-from controller.deck.joins.deck_motions import BodyCourse, Motion, read_motions
+from controller.deck.joins.deck_motions import Motion, read_motions
 from controller.deck.routes import LEAP_M, Routes
 from controller.library.motion_library import load_library
 from controller.motion.skeleton import Posture
@@ -22,7 +22,7 @@ def motion(name, start, end, *, loop):
     places[:, 3] = np.linspace(start, end, 10)
     exits = places if loop else places[-1:]
     upright = Posture(places[:, 3], np.zeros((10, 2)), np.zeros(10), np.tile([1.0, 0.0, 0.0, 0.0], (10, 2, 1)))
-    course = BodyCourse(np.zeros((10, 7)))
+    course = np.zeros((10, 7))
     return Motion(
         name, loop, places[:1], np.zeros((1, 4)), exits, course, upright, np.zeros((1, 3)), 0.1, 1.0, 1.0, 1.0, 1.0
     )

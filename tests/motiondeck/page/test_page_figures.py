@@ -27,8 +27,8 @@ class Drawn:
     def show(self, qpos, centre):
         self.qpos = qpos.copy()
 
-    def hide(self):
-        self.qpos = None
+    def set_visible(self, visible):
+        self.qpos = self.qpos if visible else None
 
 
 def test_the_human_is_drawn_in_the_pose_that_is_played(tmp_path):
@@ -142,7 +142,7 @@ def test_a_model_is_drawn_where_it_is_with_its_shadow_and_can_be_hidden():
     assert len(page.solids) == 2
     robot, shadow = (next(solid for name, solid in page.solids.items() if look in name) for look in ("robot", "shadow"))
     assert shadow.scale[2] < 0.01 * robot.scale[2]
-    drawn.hide()
+    drawn.set_visible(False)
     assert not any(solid.visible for solid in (robot, shadow))
     drawn.show(np.array([3.0, 2.0, 1.0, 0.0, 0.0, 0.0, 1.0]), np.array([1.0, 1.0]))
     for solid in (robot, shadow):

@@ -9,7 +9,6 @@ import pytest
 
 from motiondeck.pictures.side_by_side import PREFIX, SideBySide
 from motiondeck_base.errors import FileFormatError
-from motiondeck_base.shipped import find_robot
 from sim.models.formats.model_text import urdf_speeds
 from sim.models.formats.urdf_visuals import with_visuals
 from sim.models.model_file import read_model
@@ -134,7 +133,7 @@ def test_a_urdf_is_drawn_by_its_visual_shapes_and_moves_by_the_others(tmp_path):
     (tmp_path / "legs.toml").write_text(calibrate(path).to_toml(tmp_path))
     robot = load_robot(tmp_path / "legs.toml", human())
     assert (robot.drawn.ngeom, robot.drawn.nq) == (robot.model.ngeom + 1, robot.model.nq)
-    beside = SideBySide(human(), find_robot("mannequin"), tmp_path / "legs.toml", 1.0 / 60.0).model
+    beside = SideBySide(human(), tmp_path / "legs.toml", 1.0 / 60.0).model
     shank = beside.body(f"{PREFIX}l_shank").id
     assert (beside.geom_type[beside.geom_bodyid == shank] == mujoco.mjtGeom.mjGEOM_MESH).any()
     path.write_text("gone")
@@ -148,7 +147,7 @@ def test_a_robot_with_options_of_its_own_is_shown_beside_the_human(tmp_path):
     own += '<rgba haze="0 0 0 1"/><scale com="2"/></visual><statistic extent="3" center="1 0 0"/><worldbody>'
     (tmp_path / "small.xml").write_text(humanoid().replace("<worldbody>", own, 1))
     (tmp_path / "small.toml").write_text(calibrated(tmp_path / "small.xml").to_toml(tmp_path))
-    beside = SideBySide(human(), find_robot("mannequin"), tmp_path / "small.toml", 1.0 / 60.0)
+    beside = SideBySide(human(), tmp_path / "small.toml", 1.0 / 60.0)
     assert beside.model.nq > len(SERVOS)
 
 

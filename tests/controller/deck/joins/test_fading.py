@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from controller.deck.joins import fade_search
-from controller.deck.joins.deck_motions import BodyCourse
+from controller.deck.joins.deck_motions import course_of
 from controller.deck.joins.fade_search import LONGEST, SHORTEST, FadeSearch, Fading
 from controller.deck.joins.join_limits import Bounds
 from controller.deck.joins.transition import displaced
@@ -26,7 +26,7 @@ def search_of(acceleration=60.0, trials=None):
             np.ones(len(times)), *np.zeros((2, len(times), 2)), np.tile(STILL.rotation, (len(times), 1, 1))
         )
         resting.turn_rate = np.zeros(len(times))
-        return BodyCourse.of(resting, BODY)
+        return course_of(resting, BODY)
 
     return FadeSearch(lambda: (TURN, RATE), ahead, BODY.chain, Bounds(np.inf, acceleration))
 

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from controller.deck.joins import fade_search
-from controller.deck.joins.deck_motions import BodyCourse
+from controller.deck.joins.deck_motions import course_of
 from controller.deck.joins.fade_search import LONGEST, PLANNED_SHARE, SHORTEST, FadeSearch, peaks
 from controller.deck.joins.join_limits import Bounds
 from controller.deck.joins.transition import Fade, best_anchor, difference, displaced, extrapolated
@@ -50,7 +50,7 @@ def staying(posture):
 
 def following(body):
     """What comes after a posture, of the posture at each time."""
-    return lambda times: BodyCourse.of(series([body(t) for t in times]), BODY)
+    return lambda times: course_of(series([body(t) for t in times]), BODY)
 
 
 def found(shown, target, dt, ahead, bounds, rest_direction=None):

@@ -39,7 +39,7 @@ def test_a_one_shot_is_foreseen_to_get_going_from_the_pace_it_has(library):
     track = Track(library, read_motions(library))
     track.cue_phase("bow", 0.2)
     times = np.linspace(0.0, 0.4, 9)
-    full, half, none = (track.ahead(1.0, onset)(times).bones for onset in (1.0, 0.5, 0.0))
+    full, half, none = (track.ahead(1.0, onset)(times)[:, :-4] for onset in (1.0, 0.5, 0.0))
     assert np.abs(half[0] - full[0]).max() == 0.0
     way = [np.linalg.norm(course[-1] - course[0]) for course in (none, half, full)]
     assert way[0] < way[1] < way[2]

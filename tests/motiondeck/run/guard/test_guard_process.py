@@ -15,7 +15,7 @@ from controller.wire.messages.replies import Accepted
 from hardware.errors import RigError
 from hardware.rig.rig_file import RigConfig, RigJoint
 from hardware.rig.scale import RigScale
-from motiondeck.run.guard.guarded_rig import begin_with, connect, guard_process
+from motiondeck.run.guard.guarded_rig import connect, guard_process
 from served_rigs import served
 from waiting import until
 
@@ -33,7 +33,7 @@ T = 1.0 / CONFIG.rate_hz
 @contextmanager
 def guarded(port):
     with guard_process() as (link, process):
-        yield connect(link, process, begin_with(CONFIG, LIMITS, (0, 1), [port], None))
+        yield connect(link, process, CONFIG, LIMITS, (0, 1), [port], None)
 
 
 def play(rig, seconds, speed=2.0, joint=0):
@@ -79,7 +79,7 @@ def test_a_rig_that_cannot_be_connected_says_why():
 def test_a_deck_that_is_gone_leaves_its_joints_at_rest_with_torque_on(capfd):
     with served(CONFIG) as (servos, port):
         with guard_process() as (link, process):
-            rig = connect(link, process, begin_with(CONFIG, LIMITS, (0, 1), [port], None))
+            rig = connect(link, process, CONFIG, LIMITS, (0, 1), [port], None)
             play(rig, 0.5)
             link.close()  # as when the deck is killed
             process.wait(10.0)
@@ -95,7 +95,7 @@ def test_a_deck_that_is_gone_leaves_its_joints_at_rest_with_torque_on(capfd):
 def test_a_guard_that_is_to_end_brakes_first_and_its_deck_reads_that_it_is_gone():
     with served(CONFIG) as (servos, port):
         with guard_process() as (link, process):
-            rig = connect(link, process, begin_with(CONFIG, LIMITS, (0, 1), [port], None))
+            rig = connect(link, process, CONFIG, LIMITS, (0, 1), [port], None)
             play(rig, 0.5)
             process.send_signal(signal.SIGTERM)
             with pytest.raises(RigError, match="guard of the rig has ended"):

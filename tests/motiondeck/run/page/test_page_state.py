@@ -10,7 +10,9 @@ from controller.deck.deck import Deck
 from controller.loop.commands.snapshots import SnapshotSource
 from controller.loop.loop import LoopState
 from controller.loop.stop_requests import StopRequest
+from controller.wire.snapshot_numbers import SnapshotNumbers
 from controller.wire.telemetry import StateReader
+from motiondeck.page.web.page_state import PageDescription
 from motiondeck.run.page.page import Page, PageContents
 
 DT = 0.01
@@ -27,12 +29,13 @@ def test_a_motion_that_has_begun_is_not_shown_as_the_next_one(tmp_path):
     deck.enqueue("wave")
     deck.enqueue("march")
     seen = set()
-    with closing(Page(tmp_path / "state", contents)) as page:
+    about, numbers = PageDescription(model_file="", robot="", motions=[*deck.motions]), SnapshotNumbers(deck.motions)
+    with closing(Page(tmp_path / "state", contents, about)) as page:
         reader = StateReader.open(tmp_path / "state")
         for _ in range(500):
             deck.update(DT)
             page.show(snapshots.take(stop), loop, None)
-            shown = contents.numbers.read(reader.read())
+            shown = numbers.read(reader.read())
             assert (shown.motion, shown.queue) == (deck.motion, deck.queue)
             seen.add((shown.motion, tuple(shown.queue)))
     assert seen == {("march", ("wave", "march")), ("wave", ("march",)), ("march", ())}
