@@ -27,7 +27,7 @@ import numpy as np  # noqa: E402
 
 from controller.deck.joins.deck_motions import read_motions  # noqa: E402
 from controller.deck.joins.join_limits import FASTEST, HARDEST  # noqa: E402
-from controller.deck.joins.joining import JOININGS, Joining  # noqa: E402
+from controller.deck.performance import JOININGS, Joining  # noqa: E402
 from controller.deck.routes import Routes  # noqa: E402
 from controller.deck.worst_join import RATE, Join, MeasuredDeck, play_join  # noqa: E402
 from controller.library.motion_library import MotionLibrary, load_library  # noqa: E402

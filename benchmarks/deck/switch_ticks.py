@@ -23,7 +23,7 @@ import numpy as np  # noqa: E402
 from benchmarks.deck._tick_parts import ALL, Ticks  # noqa: E402
 from benchmarks.simulated_time import VirtualClock  # noqa: E402
 from controller.deck.deck import Deck  # noqa: E402
-from controller.deck.joins.joining import JOININGS, Joining  # noqa: E402
+from controller.deck.performance import JOININGS, Joining  # noqa: E402
 from controller.library.motion_library import MotionLibrary, load_library  # noqa: E402
 from controller.loop.clock import SPIN_NS  # noqa: E402
 from controller.motion.rotations import Array  # noqa: E402

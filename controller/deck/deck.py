@@ -9,11 +9,10 @@ import math
 from collections.abc import Mapping, Sequence
 
 from controller.deck.interfaces import Retargeter
-from controller.deck.joins.joining import Joining
 from controller.deck.layers import OFF, Layers
 from controller.deck.lockable import Lockable
 from controller.deck.locks.phase_lock import LoopPlace, Person
-from controller.deck.performance import Performance
+from controller.deck.performance import Joining, Performance
 from controller.deck.routes import Routes
 from controller.deck.switch import CommandedSwitch
 from controller.deck.switch_plan import SwitchPlan

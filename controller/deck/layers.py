@@ -4,7 +4,7 @@ A layer is mixed into the joint targets q of the deck on the joints of its group
 
     q <- q + s (p - q),
 
-where p are the targets of its motion and s its share, which goes to the layer's weight (see `share`). All other
+where p are the targets of its motion and s its share, which goes to the layer's weight (see `Share`). All other
 targets stay as they are, bit for bit. While s changes both motions play on.
 
 Of layers that share a joint one at a time changes its share, the latest first, and none while the deck joins motions.
@@ -19,9 +19,8 @@ from numpy.typing import NDArray
 
 from controller.deck.interfaces import JointLimits, Retargeter
 from controller.deck.joins.deck_motions import LEAST_ACCELERATION, LEAST_SPEED, Motion, read_motions
-from controller.deck.live_values import Gains, LiveValues
+from controller.deck.live_values import Gains, LiveValues, Share
 from controller.deck.performance import at_origin
-from controller.deck.share import Share
 from controller.deck.tempo import TEMPO_RATE
 from controller.deck.tracks.track import Track
 from controller.library.motion_library import MotionLibrary

@@ -2,19 +2,27 @@
 
     tracks -> posture -> fade of the last switch -> limits of a join -> root path -> pose
 
-It acts at once; `switch_plan` decides what is played when.
+It acts at once; `switch_plan` decides what is played when. The ways from one motion to another:
+
+- inertialise: the new motion starts at once where it resembles the body most, and the difference fades (`transition`);
+- crossfade: both motions run, and the weight of the new one rises smoothly;
+- morph: the network itself changes from one to the other, as its paper defines it (mu of conceptors or readouts);
+- cut: the new motion starts at once with a jump; the safety envelope catches up.
+
+By default networks with a switching module of their own morph, and all others inertialise. While another switch is
+under way or motions are blended, every switch inertialises.
 """
 
 from collections.abc import Mapping
 from functools import partial
 from math import cos, sin
+from typing import Literal, get_args
 
 import numpy as np
 
 from controller.deck.joins.deck_motions import Motion, read_motions
 from controller.deck.joins.fade_search import PLANNED_SHARE, FadeSearch, Fading
 from controller.deck.joins.join_limits import FASTEST, Bounds, JoinLimits
-from controller.deck.joins.joining import Joining
 from controller.deck.joins.transition import Fade, best_anchor, difference, extrapolated
 from controller.deck.tracks.playing_tracks import PlayingTracks
 from controller.deck.tracks.track import Track
@@ -22,6 +30,8 @@ from controller.library.motion_library import MotionLibrary
 from controller.motion.rotations import Array, multiply, yaw
 from controller.motion.skeleton import Pose, Posture
 
+Joining = Literal["inertialise", "crossfade", "morph", "cut"]
+JOININGS: tuple[Joining, ...] = get_args(Joining)
 # A difference in joint velocity counts as much as the distance it covers in this time (8 frames at 120 Hz), s.
 VELOCITY_REACH = 8.0 / 120.0
 MORPH_SECONDS = 1.0  # in which the blend weight changes from 0 to 1, or a network from one motion to another

@@ -36,7 +36,9 @@ class PersonFollower:
         if library.network.as_phase_network is None:
             raise MotiondeckError("the network of this library has no phase that could follow a person")
         if height is not None and (skeleton.is_rig or not 0.5 <= height <= 2.5):
-            raise MotiondeckError(f"a person of {height:g} m; give their height in metres, from 0.5 to 2.5, of no rig")
+            raise MotiondeckError(
+                f"a person of {height:g} m; give their height in metres, from 0.5 to 2.5; a rig has none"
+            )
         motions = [read_motions(library)[name] for name in library.network.motions]
         bodies = [body_course(library, motion) for motion in motions]
         own_height = float(np.ptp((skeleton.chain @ skeleton.offsets)[:, 2]))

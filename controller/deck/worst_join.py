@@ -15,8 +15,7 @@ import numpy as np
 from controller.deck.deck import Deck
 from controller.deck.joins.deck_motions import Motion, read_motion, read_motions
 from controller.deck.joins.join_limits import FASTEST, HARDEST
-from controller.deck.joins.joining import Joining
-from controller.deck.performance import VELOCITY_REACH
+from controller.deck.performance import VELOCITY_REACH, Joining
 from controller.deck.routes import Routes
 from controller.deck.switch import CommandedSwitch
 from controller.library.motion_library import MotionInfo, MotionLibrary

@@ -35,8 +35,8 @@ def find_baked(spec: RunSpec, library: Path, robot: Path) -> MotionLibrary | Non
     elif origin.robot_digest != robot_digest(robot):
         changed = f"the robot {robot.stem}"
     if changed:
-        again = f"motiondeck library bake {library} --robot {robot}"
-        print(f"{file}: {changed} has changed since it was baked: it is carried live. Again: {again}", file=sys.stderr)
+        again = f"Bake it: motiondeck library bake {library} --robot {robot}"
+        print(f"{file}: {changed} has changed since it was baked, so it is carried live. {again}", file=sys.stderr)
         return None
     print(f"{baked.info.name} is played as it was baked for {robot.stem} ({file}), without its human", file=sys.stderr)
     return baked

@@ -237,6 +237,7 @@ def _figures(report: dict[str, Any]) -> list[str]:
         f"late, {report['skipped']} were skipped"
     )
     lines.append(
-        f"tick: {late['p50']:.0f} us late in the median, {late['p999']:.0f} at p99.9; {work['p50']:.0f} of work"
+        f"tick: {late['p50']:.0f} us late in the median, {late['p999']:.0f} us at p99.9; "
+        f"{work['p50']:.0f} us of work in the median"
     )
     return lines

@@ -4,8 +4,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from controller.deck.joins.blend_weight import Crossing, ModuleTakeOver, Ramps, Weights
-from controller.deck.joins.crossing_search import CrossingSearch
+from controller.deck.joins.blend_weight import Crossing, CrossingSearch, ModuleTakeOver, Ramps, Weights
 from controller.deck.joins.deck_motions import Motion, rounds_beside, tempos_in_step
 from controller.deck.joins.fade_search import PLANNED_SHARE
 from controller.deck.joins.join_limits import FASTEST, HARDEST, Bounds

@@ -16,7 +16,7 @@ from joblib import delayed
 from threadpoolctl import threadpool_limits
 
 from controller.deck.deck import Deck
-from controller.deck.joins.joining import Joining
+from controller.deck.performance import Joining
 from controller.learning.measures.self_test import Judge, distances
 from controller.learning.training_set import TrainingSet
 from controller.library.motion_library import MotionLibrary

@@ -109,8 +109,7 @@ def _write_keys(rig: str, out: Path, port: list[str] | None, plays: Plays | None
     from hardware.errors import RigError
     from hardware.tools.teaching import watch_hands
     from motiondeck.page.keys.draft import Draft
-    from motiondeck.page.keys.keys_page import show_keys
-    from motiondeck.page.keys.rehearsal import Rehearsal
+    from motiondeck.page.keys.keys_page import Rehearsal, show_keys
     from motiondeck.run.beside.child_process import free_port
     from motiondeck.run.robots.rig_on_deck import robot_of
 

@@ -54,7 +54,7 @@ def open_correction(
     tables = {key: table for key, table in load(file, digest).items() if table.shape[1] == shape}
     correction = Correction(lambda: deck.place, lead.delays, lead.seconds, limits, period, tables)
     rig.correction = correction
-    opening.callback(_keep, file, digest, tables)
+    opening.callback(save, file, digest, tables)
     return correction
 
 
@@ -78,17 +78,13 @@ def load(file: Path, digest: str) -> dict[Key, Array]:
 
 
 def save(file: Path, digest: str, tables: dict[Key, Array]) -> None:
-    """Keeps the tables in which anything was learned; raises a MotiondeckError if the file cannot be written."""
+    """Keeps the tables in which anything was learned; prints a line if the file cannot be written."""
     from safetensors.numpy import save
 
     learned = {f"{tempo} {motion}": own.astype(np.float32) for (motion, tempo), own in tables.items() if own.any()}
-    if learned:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        write_file(file, save(learned, {_DIGEST: digest}))
-
-
-def _keep(file: Path, digest: str, tables: dict[Key, Array]) -> None:
     try:
-        save(file, digest, tables)
+        if learned:
+            file.parent.mkdir(parents=True, exist_ok=True)
+            write_file(file, save(learned, {_DIGEST: digest}))
     except (OSError, MotiondeckError) as error:
         print(f"motiondeck: what the rig has learned is not kept: {error}", file=sys.stderr)

@@ -72,7 +72,7 @@ class RobotOnDeck:
             refused = [joint for joint, carries in zip(refused, carry, strict=True) if carries]
             why = "legs and trunk carry a robot walking on its own feet: layers and live values move its arms and head"
         elif self.simulation.root == "free":
-            why = "a layer would move the weight of a robot on its own feet, that only --walk plans for: no layers here"
+            why = "a layer moves the weight of a robot on its own feet, which only --walk plans for: no layers here"
         return dict.fromkeys(refused, why) if why else {}
 
     @property

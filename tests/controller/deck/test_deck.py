@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 
 import synthetic
 from controller.deck.deck import MOST_QUEUED, Deck
-from controller.deck.joins.joining import JOININGS
+from controller.deck.performance import JOININGS
 from controller.library.motion_library import load_library
 from controller.wire.messages.arguments import TEMPO
 from motiondeck_base.errors import MotiondeckError, UnknownNameError

@@ -156,7 +156,7 @@ def test_an_unknown_point_a_wrong_height_and_a_network_without_phase_are_refused
         PersonFollower(people, POINTS, height=175.0)
     with pytest.raises(UnknownNameError, match="pan"):
         PersonFollower(rig, ("pam",))
-    with pytest.raises(MotiondeckError, match="of no rig"):
+    with pytest.raises(MotiondeckError, match="a rig has none"):
         PersonFollower(rig, ("pan",), height=1.7)
     with pytest.raises(MotiondeckError, match="no phase"):
         PersonFollower(synthetic.small_library(), ("head",))

@@ -6,7 +6,7 @@ import pytest
 
 import controller.deck.performance as performance
 from controller.deck.deck import Deck
-from controller.deck.joins import crossing_search, fade_search
+from controller.deck.joins import blend_weight, fade_search
 from shipped_libraries import shipped
 
 RATE = 200.0
@@ -33,7 +33,7 @@ def work(monkeypatch):
         monkeypatch.setattr(owner, name, noted)
 
     noting(fade_search, "peaks")
-    noting(crossing_search, "crossed")
+    noting(blend_weight, "crossed")
     noting(performance, "difference")
     noting(performance, "best_anchor")
     return done

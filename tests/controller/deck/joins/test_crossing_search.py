@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from controller.deck.joins.crossing_search import CrossingSearch, crossed
+from controller.deck.joins.blend_weight import CrossingSearch, crossed
 from controller.deck.joins.fade_search import LONGEST, SHORTEST, TRIAL_EVERY
 from controller.deck.joins.join_limits import Bounds
 from controller.deck.joins.posture_blend import PostureBlend

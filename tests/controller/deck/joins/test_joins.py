@@ -8,8 +8,8 @@ import pytest
 from benchmarks.deck.joins import blend_over, cells_of, chain
 from controller.deck.joins.deck_motions import read_motions
 from controller.deck.joins.join_limits import JoinLimits
-from controller.deck.joins.joining import JOININGS
 from controller.deck.joins.transition import extrapolated
+from controller.deck.performance import JOININGS
 from controller.deck.worst_join import MeasuredDeck, play_join
 from controller.library.motion_library import load_library
 from controller.motion.rotations import from_rotation_vector, multiply, normalise, to_rotation_vector, yaw

@@ -5,8 +5,8 @@ import time
 
 import pytest
 
-from motiondeck.page.keys import rehearsal
-from motiondeck.page.keys.rehearsal import Rehearsal
+from motiondeck.page.keys import keys_page
+from motiondeck.page.keys.keys_page import Rehearsal
 from waiting import until
 
 COMMANDS = """
@@ -22,7 +22,7 @@ def run(tmp_path, monkeypatch):
     """A rehearsal whose commands only say that they have begun, and last as long as files say."""
     for name, seconds in (("learn.s", 0.0), ("play.s", 60.0)):
         (tmp_path / name).write_text(str(seconds))
-    monkeypatch.setattr(rehearsal, "_COMMAND", [sys.executable, "-c", COMMANDS, str(tmp_path)])
+    monkeypatch.setattr(keys_page, "_COMMAND", [sys.executable, "-c", COMMANDS, str(tmp_path)])
     return Rehearsal(tmp_path / "wave.toml", "rig.toml")
 
 
