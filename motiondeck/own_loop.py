@@ -3,7 +3,6 @@
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,7 +15,7 @@ from controller.deck.target_curve import TargetCurve
 from controller.library.motion_library import load_library
 from controller.loop.clock import period_ns
 from controller.loop.commands.commanded_run import CommandedRun, Outcome, mode_events
-from controller.loop.run_phases import Source, safe_targets
+from controller.loop.run_phases import Source, Start, safe_targets
 from controller.loop.safety.compiled_envelope import safety_envelope
 from controller.loop.stop_requests import StopRequest
 from controller.motion.skeleton import Pose
@@ -41,14 +40,6 @@ from sim.robots.robot import load_robot
 __all__ = ["CommandedSwitch", "Deck"]
 
 LONGEST_STEP = 10.0  # s
-
-
-class _Start(NamedTuple):
-    """The joint positions to begin at, shape (J,), rad; fits `run_phases.Measuring`."""
-
-    measured: NDArray[np.float64]
-    held: None = None
-    at_rest: bool = True
 
 
 class Deck(DeckCommands[CommandedSwitch]):
@@ -232,7 +223,7 @@ class Deck(DeckCommands[CommandedSwitch]):
         start = self._start if self._start is not None else self._measured
         start = first if start is None else np.where(np.isfinite(start), start, first)
         envelope = safety_envelope(self.limits, 1.0 / self._rate)
-        self._targets = safe_targets(self._source, [_Start(start)], envelope, self._stop, np.inf, self._robot.rest)
+        self._targets = safe_targets(self._source, [Start(start)], envelope, self._stop, np.inf, self._robot.rest)
         self._curve = TargetCurve(start, self._source.pose)
         return self._curve
 

@@ -5,7 +5,7 @@
 import math
 from collections.abc import Callable, Iterator, Sequence
 from itertools import chain
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -37,6 +37,14 @@ class Measuring(Protocol):
     def held(self) -> Array | None: ...
     @property
     def at_rest(self) -> bool: ...
+
+
+class Start(NamedTuple):
+    """The joint positions to begin at, shape (J,), rad; fits `Measuring`."""
+
+    measured: Array | None
+    held: None = None
+    at_rest: bool = True
 
 
 class Source:

@@ -37,25 +37,20 @@ def list_libraries(as_json: JsonOption = False) -> None:
     rows: list[dict[str, Any]] = []
     shipped = sorted((shipped_configs() / "libraries").glob("*.safetensors"))
     for file in [*shipped, *sorted(Path().glob("*.safetensors"))]:
-        given = file.stem if file in shipped else file.name
+        row = {"library": file.stem if file in shipped else file.name, "network": "", "motions": [], "reason": ""}
         try:
             loaded = load_library(file)
+            row |= {"network": loaded.info.network, "motions": loaded.network.motions}
         except FileFormatError as error:
-            rows.append({"library": given, "network": "", "motions": [], "reason": str(error)})
-            continue
-        motions = list(loaded.network.motions)
-        rows.append({"library": given, "network": loaded.info.network, "motions": motions, "reason": ""})
+            row["reason"] = str(error)
+        rows.append(row)
     if as_json:
         print(json.dumps({"libraries": rows}))
         return
-    show_table(
-        ("library", "network", "motions", "names"),
-        [
-            (r["library"], r["network"], str(len(r["motions"]) or ""), r["reason"] or ", ".join(r["motions"]))
-            for r in rows
-        ],
-        left=("network", "names"),
-    )
+    table = [
+        (r["library"], r["network"], str(len(r["motions"]) or ""), r["reason"] or ", ".join(r["motions"])) for r in rows
+    ]
+    show_table(("library", "network", "motions", "names"), table, left=("network", "names"))
 
 
 @app.command("show")

@@ -36,7 +36,7 @@ from controller.motion.rotations import Array
 from controller.networks.base import AnyNetwork, Channels
 from controller.networks.clip.network import ClipPlayer
 from controller.networks.keys import FEWEST_KEYS, MOST_BITS, STEPS_PER_BIT, Keys
-from motiondeck_base.errors import MotiondeckError
+from motiondeck_base.errors import MotiondeckError, UnknownNameError
 
 MOST_BYTES = 8192  # of the keys of a motion
 FARTHEST = 0.005  # rad, of a joint in a figure from where its network has it
@@ -73,10 +73,8 @@ def figure_of(
     Joints without motion stay at `rest` (J,), rad. A baked root is played if the joints end in those of ROOT.
     MotiondeckError where the library cannot be exported, and why.
     """
-    names = [*dict.fromkeys(motions)] or library.network.motions
-    for name in names:
-        library.network[name]  # UnknownNameError
-    chosen = sorted((one for one in library.info.motions if one.name in names), key=lambda one: names.index(one.name))
+    every, names = [one.name for one in library.info.motions], [*dict.fromkeys(motions)] or library.network.motions
+    chosen = [library.info.motions[place] for place in UnknownNameError.indices("motion", names, every)]
     if library.network.as_phase_network is None and library.network.as_crossing is None:
         raise MotiondeckError(f"a {library.info.network} network may lose its place in a motion: it is not exported")
     if driven := [one.name for one in chosen if one.input is not None]:
@@ -103,10 +101,8 @@ def figure_of(
     network = ClipPlayer.of_keys(keys, {one.name: one.frames for one in chosen}, loops)
     network.every = -(-chosen[0].frames // len(library.network.anchors(chosen[0].name)))
     encoding = JointAngles(JointBody.of(joints))
-    info = msgspec.structs.replace(
-        library.info, motions=chosen, network="clip", encoding=encoding.name, skeleton=encoding.skeleton_info()
-    )
-    carried = MotionLibrary(info, network, encoding)
+    changed = {"network": "clip", "encoding": encoding.name, "skeleton": encoding.skeleton_info()}
+    carried = MotionLibrary(msgspec.structs.replace(library.info, motions=chosen, **changed), network, encoding)
     sizes = {name: 2 * one.counted.shape[0] * _even(len(joints)) for name, one in keys.items()}
     return Figure(carried, words_of(carried, limits, rate), limits, rest, rate, sizes, error)
 

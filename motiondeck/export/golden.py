@@ -10,7 +10,7 @@ import numpy as np
 from controller.deck.deck import Deck
 from controller.deck.layers import Layers
 from controller.loop.commands.commanded_run import CommandedRun
-from controller.loop.run_phases import Source, safe_targets
+from controller.loop.run_phases import Source, Start, safe_targets
 from controller.loop.safety.compiled_envelope import safety_envelope
 from controller.loop.stop_requests import StopRequest
 from controller.motion.encodings.joint_angles import JointRetargeter
@@ -34,15 +34,6 @@ class Trace:
     accepted: list[bool]  # of each command
 
 
-@dataclass(frozen=True)
-class _Start:
-    """Joints that are measured at the start."""
-
-    measured: Array | None
-    held: None = None
-    at_rest: bool = True
-
-
 def deck_trace(
     figure: Figure, script: Script, ticks: int, measured: Array | None = None, groups: Groups = MappingProxyType({})
 ) -> Trace:
@@ -55,14 +46,7 @@ def deck_trace(
     deck, stop = Deck(library, retarget(), library.network.motions[0]), StopRequest()
     deck.layers = Layers(library, joints, figure.limits, groups, retarget)
     source, run = Source(deck, dt), CommandedRun(deck)
-    steps = safe_targets(
-        source,
-        [_Start(measured)],
-        safety_envelope(figure.limits, dt),
-        stop,
-        np.inf,
-        None,
-    )
+    steps = safe_targets(source, [Start(measured)], safety_envelope(figure.limits, dt), stop, np.inf, None)
     due, accepted = list(script), list[bool]()
     targets, safe = np.empty((2, ticks, len(figure.rest)))
     for tick in range(ticks):
