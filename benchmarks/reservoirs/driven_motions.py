@@ -34,8 +34,8 @@ from controller.motion.encodings.motion_matching import joint_features
 from controller.motion.encodings.normalisation import Normalisation
 from controller.motion.formats.reading import read_clip
 from controller.motion.rotations import Array
-from controller.networks.driving_input import DrivingInput
 from controller.networks.reservoirs.phase_driven import PhaseDrivenNetwork
+from controller.networks.storage import DrivingInput
 
 RATE = 120.0
 RECIPE = PhaseRecipe(neurons=500, rank=100)

@@ -24,8 +24,7 @@ from controller.motion.skeleton import Pose
 from motiondeck_base.jobs import Jobs, spread
 from motiondeck_base.shipped import find_library, find_robot
 from sim.physics.physics_model import feet_of
-from sim.physics.playback import PhysicsPlayback
-from sim.physics.pushes import usual_push
+from sim.physics.playback import PhysicsPlayback, usual_push
 from sim.physics.walk_trial import pushes
 from sim.robots.robot import Robot, load_robot
 

@@ -24,8 +24,7 @@ from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.motion.rotations import Array
 from motiondeck_base.jobs import Jobs, spread
 from motiondeck_base.shipped import find_library, find_robot
-from sim.physics.playback import PhysicsPlayback
-from sim.physics.pushes import PUSH_LASTS, usual_push
+from sim.physics.playback import PUSH_LASTS, PhysicsPlayback, usual_push
 from sim.physics.walk_trial import Course, placed_pose, play_course
 from sim.robots.robot import DT, Robot, load_robot
 

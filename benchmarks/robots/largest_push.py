@@ -22,7 +22,7 @@ from controller.wire.messages.commands import Side
 from motiondeck_base.jobs import Jobs, spread
 from motiondeck_base.progress import progress
 from motiondeck_base.shipped import find_library, find_robot
-from sim.physics.pushes import PUSH_LASTS, PUSHES_TOWARDS, push_force, usual_push
+from sim.physics.playback import PUSH_LASTS, PUSHES_TOWARDS, push_force, usual_push
 from sim.physics.walk_trial import play_course, walk_trial
 from sim.physics.walking.preview import AHEAD
 from sim.robots.robot import DT, load_robot

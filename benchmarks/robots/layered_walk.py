@@ -33,7 +33,7 @@ from controller.motion.skeleton import Pose
 from motiondeck.run.robots.walk_choice import able_to_walk
 from motiondeck_base.shipped import find_library, find_robot
 from sim.models.robot_file import read_robot_file
-from sim.physics.pushes import usual_push
+from sim.physics.playback import usual_push
 from sim.physics.walk_trial import play_course, pushes, walk_trial
 from sim.physics.walking.state_estimate import Sensors
 from sim.robots.joint_groups import Groups, joint_groups

@@ -52,7 +52,7 @@ from sim.physical.course import Batch, CarriedCourse, played
 from sim.physical.search import Effort, Sampling, Search
 from sim.physical.stage import RATE, OnItsFeet, PhysicalStage
 from sim.physics.physics_model import physics_model
-from sim.physics.pushes import usual_push
+from sim.physics.playback import usual_push
 from sim.robots.calibrate import calibrate
 from sim.robots.joint_motion import retargeted
 from sim.robots.robot import Robot, RobotLoader

@@ -33,7 +33,7 @@ from controller.motion.skeleton import Pose
 from motiondeck_base.jobs import Jobs, spread
 from motiondeck_base.progress import progress
 from motiondeck_base.shipped import find_library, find_robot
-from sim.physics.pushes import usual_push
+from sim.physics.playback import usual_push
 from sim.physics.walk_trial import Course, Trial, play_course, pushes, walk_trial
 from sim.robots.robot import DT, Robot, load_robot
 

@@ -28,7 +28,7 @@ from controller.motion.formats.acclaim.amc import skeleton_of
 from controller.motion.formats.reading import read_clip
 from controller.motion.rotations import Array, dot
 from controller.motion.skeleton import Skeleton
-from controller.networks.driving_input import DrivingInput
+from controller.networks.storage import DrivingInput
 from motiondeck_base.arrays_on_disk import on_disk, release
 from motiondeck_base.errors import FileFormatError
 

@@ -16,8 +16,7 @@ from controller.motion.rotations import Array
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
 
 if TYPE_CHECKING:
-    from controller.networks.driving_input import DrivingInput
-    from controller.networks.storage import StoredNetwork
+    from controller.networks.storage import DrivingInput, StoredNetwork
 
 Channels = NDArray[np.float64]
 Float32 = NDArray[np.float32]

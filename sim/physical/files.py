@@ -45,7 +45,6 @@ def stood_files(
     out: Path,
     format: Format = "npz",
     solver: Solver | None = None,
-    seed: int = 0,
     progress: Callable[[str, float], None] = lambda name, seconds: None,
     options: ReadingOptions = AS_FOUND,
 ) -> Iterator[StoodFile]:
@@ -67,7 +66,7 @@ def stood_files(
             clip = resampled(without_reference_pose(clip)[0], RATE)
             fitted = loader(clip.skeleton, solver, 1.0 / RATE)
             stage = PhysicalStage(fitted, retargeted(fitted, clip))
-            found = stage.best(seed, partial(progress, path.name))
+            found = stage.best(progress=partial(progress, path.name))
             place = out / f"{path.stem}{'' if found.fell_s is None else MARK}.npz"
             try:
                 out.mkdir(parents=True, exist_ok=True)

@@ -147,7 +147,6 @@ class Sampling(Search):
     """
 
     def improve(self, state: Array, now: int, ahead: int) -> None:
-        """As `Search.improve`."""
         last = min(now + ahead, len(self._course.states) - 1)
         at, nodes = np.arange(now, last), np.linspace(now, last - 1, NODES)
         near = np.maximum(1.0 - np.abs(at[:, None] - nodes) / max(nodes[1] - nodes[0], 1e-9), 0.0)

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from copy import copy
-from math import isfinite
+from math import isfinite, sqrt
 
 import mujoco
 import numpy as np
@@ -11,10 +11,10 @@ from controller.deck.interfaces import Side
 from controller.motion.rotations import Array, Indices
 from controller.motion.skeleton import Pose
 from motiondeck_base.errors import MotiondeckError
+from sim.models.gravity import GRAVITY
 from sim.models.surface import LowestPoint
 from sim.physics.balance import Balance
 from sim.physics.physics_model import Alteration, check_root, feet_of, lead_of, physics_model
-from sim.physics.pushes import PUSH_LASTS, PUSHES_TOWARDS, push_force, usual_push
 from sim.physics.recovery import Phase, Recovery, has_fallen
 from sim.physics.simulated_servos import Servos
 from sim.physics.walking.preview import AHEAD
@@ -28,6 +28,9 @@ _BROKEN = slice(int(mujoco.mjtWarning.mjWARN_BADQPOS), int(mujoco.mjtWarning.mjW
 _NOTES = 64  # writes whose errors are buffered before the statistics are updated
 
 STANDS_AGAIN = 1.0  # time upright, s, after which a fallen robot counts as standing
+# Duration of a push, s, and its direction by the side it comes from, rad to the left of the heading.
+PUSH_LASTS = 0.1
+PUSHES_TOWARDS: dict[Side, float] = {"back": 0.0, "right": 0.5 * np.pi, "front": np.pi, "left": -0.5 * np.pi}
 
 
 class PhysicsPlayback:
@@ -344,3 +347,14 @@ class PhysicsPlayback:
         noted, self._noted = self._errors[: self._noted], 0
         self._square_sum += float(np.square(noted).sum())
         self._worst = max(self._worst, float(np.abs(noted).max(initial=0.0)))
+
+
+def usual_push(model: mujoco.MjModel) -> float:
+    """0.05 m sqrt(g h), N s, which demands a step, with the root's height h: 0.24 for servo20, 16 for the mannequin."""
+    height = float(model.body(int(model.jnt_bodyid[0])).pos[2])
+    return 0.05 * float(model.body_mass.sum()) * sqrt(GRAVITY * height)
+
+
+def push_force(impulse: float, towards: float) -> Array:
+    """The force (3,), N, of a push with an impulse, N s, in a direction on the ground, rad."""
+    return impulse / PUSH_LASTS * np.array([np.cos(towards), np.sin(towards), 0.0])

@@ -22,11 +22,6 @@ class PlayedMotion:
     targets: Array  # retargeted joints, shape (T, J), rad
     poses: tuple[Pose, ...]  # of the human, length T
 
-    @property
-    def seconds(self) -> float:
-        """Its duration."""
-        return len(self.targets) * DT
-
 
 def load_sampled_robot(path: Path, skeleton: Skeleton) -> Robot:
     """Loads a robot that is posed once per sample, every DT."""

@@ -12,8 +12,7 @@ from controller.motion.skeleton import Pose
 from sim.models.kinematic_tree import path_to
 from sim.models.walk_settings import WalkSettings
 from sim.physics.physics_model import Alteration, feet_of
-from sim.physics.playback import PhysicsPlayback
-from sim.physics.pushes import PUSH_LASTS, push_force
+from sim.physics.playback import PUSH_LASTS, PhysicsPlayback, push_force
 from sim.physics.walking.preview import AHEAD
 from sim.physics.walking.state_estimate import Sensors
 from sim.robots.robot import DT, Limiter, Robot

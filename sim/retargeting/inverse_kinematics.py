@@ -22,7 +22,7 @@ import numpy as np
 
 from controller.deck.interfaces import JointLimits
 from controller.motion.rest_pose import FOOT_SLOPE
-from controller.motion.rotations import Array
+from controller.motion.rotations import Array, cross
 from controller.motion.skeleton import Pose, Skeleton
 from sim.retargeting.human_limbs import LIMBS
 from sim.retargeting.human_stance import HumanStance
@@ -328,12 +328,6 @@ class Goals:
         turned[~self.turns] = goals[~self.turns]
         turned[self._turned] = goals[self._turned] @ chest.T
         return turned
-
-
-def cross(a: Array, b: Array) -> Array:
-    """The vector product of two vectors (3,)."""
-    (u, v, w), (x, y, z) = a.tolist(), b.tolist()
-    return np.array([v * z - w * y, w * x - u * z, u * y - v * x])
 
 
 def sole(thigh: Array, shank: Array, foot: Array, up: Array) -> Array:

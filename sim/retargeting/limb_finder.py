@@ -15,12 +15,8 @@ from sim.models.surface import Surface
 from sim.retargeting.human_limbs import AHEAD, LEFT
 
 SIDES = ("r", "l")
-PARTS = (
-    "pelvis",
-    "chest",
-    "head",
-    *(f"{side}_{part}" for side in SIDES for part in ("upper_arm", "forearm", "hand", "thigh", "shank", "foot")),
-)
+OF_A_SIDE = ("upper_arm", "forearm", "hand", "thigh", "shank", "foot")
+PARTS = ("pelvis", "chest", "head", *(f"{side}_{part}" for side in SIDES for part in OF_A_SIDE))
 
 
 def bodies_of_parts(path: Path, model: mujoco.MjModel, parts: Mapping[str, str]) -> dict[str, int]:

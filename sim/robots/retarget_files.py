@@ -29,7 +29,7 @@ from sim.robots.joint_motion import JointMotion, retargeted
 from sim.robots.limb_directions import LimbDirections
 from sim.robots.robot import Robot, RobotLoader
 from sim.robots.robot_digest import robot_digest
-from sim.robots.training_files import RATES, Format, ending, write_training_file
+from sim.robots.training_files import RATES, Format, write_training_file
 from sim.robots.verdict import Finding, RobotVerdict, limited, verdict_of
 
 MANIFEST = "motions.jsonl"
@@ -111,10 +111,10 @@ def _is_done(row: RetargetedFile, recording: Path, out: Path) -> bool:
 
 def _places(paths: Sequence[Path], format: Format) -> dict[Path, Path]:
     """Recording to output file, relative to the folder of the files."""
-    places: dict[Path, Path] = {}
+    places, ending = dict[Path, Path](), ".csv" if format == "csv" else ".npz"
     for path in paths:
         top = path if path.is_dir() else path.parent
-        places |= {file: file.relative_to(top).with_suffix(ending(format)) for file in recordings_in([path])}
+        places |= {file: file.relative_to(top).with_suffix(ending) for file in recordings_in([path])}
     taken: dict[Path, Path] = {}
     for recording, place in places.items():
         other = taken.setdefault(place, recording)

@@ -35,11 +35,6 @@ def format_named(name: str) -> Format:
     raise UnknownNameError.among("format", name, FORMATS)
 
 
-def ending(format: Format) -> str:
-    """How the files of a format end."""
-    return ".csv" if format == "csv" else ".npz"
-
-
 def write_training_file(path: Path, model: mujoco.MjModel, qpos: Array, rate: float, format: Format) -> None:
     """Writes, or replaces, the motion qpos (T, nq), T >= 1, of a robot with a free root; rate in Hz.
 

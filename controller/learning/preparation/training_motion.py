@@ -8,7 +8,7 @@ import numpy as np
 
 from controller.motion.encodings.normalisation import Normalisation
 from controller.motion.rotations import Array
-from controller.networks.driving_input import DrivingInput
+from controller.networks.storage import DrivingInput
 
 
 @dataclass(frozen=True)

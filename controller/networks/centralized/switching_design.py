@@ -89,12 +89,9 @@ class ModuleDesign:
     def jacobian(self, z: float) -> Array:
         """Of eqs 15 and 14, in this order, at the state of rest with this z, shape (m + 1, m + 1)."""
         s, level = self.satellites(z), float(self.staircase(z))
-        m = len(self)
-        out = np.zeros((m + 1, m + 1))
-        out[0, 0] = -self.decay
+        out = -np.diag(np.append(self.decay, np.full(len(self), 1.0 / self.kappa)))
         out[0, 1:] = level * (1.0 - level) * self.weights / self.kappa
         out[1:, 0] = s * (1.0 - s) * self.slope
-        out[np.arange(1, m + 1), np.arange(1, m + 1)] = -1.0 / self.kappa
         return out
 
     @cached_property

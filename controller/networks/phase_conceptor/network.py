@@ -30,10 +30,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.motion.rotations import Array
-from controller.networks.driving_input import DrivingInput
 from controller.networks.reservoirs.phase_driven import PhaseDrivenNetwork, PhaseMotion, PhasePlayer, stored_course
 from controller.networks.reservoirs.phase_reservoir import Float32, PhaseCourse, PhaseReservoir
-from controller.networks.storage import MotionHeader, StoredNetwork
+from controller.networks.storage import DrivingInput, MotionHeader, StoredNetwork
 
 Float16 = NDArray[np.float16]
 # Weights (C, N + 1) by name: `estimate`, (V, v), in float16 (float32 up to version 7); `readout`, (R, r), in float32.

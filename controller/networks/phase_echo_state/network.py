@@ -24,12 +24,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.motion.encodings.normalisation import Normalisation
-from controller.networks.driving_input import DrivingInput
 from controller.networks.keys import Keys
 from controller.networks.reservoirs.phase_driven import PhaseDrivenNetwork, PhaseMotion, PhasePlayer, stored_course
 from controller.networks.reservoirs.phase_reservoir import Float32, PhaseCourse, PhaseReservoir
 from controller.networks.ridge import learn_readouts
-from controller.networks.storage import MotionHeader, StoredNetwork, arrays_of
+from controller.networks.storage import DrivingInput, MotionHeader, StoredNetwork, arrays_of
 
 KEYED_RIDGE = 1e-5  # gamma of readouts that keys stand for
 

@@ -4,7 +4,7 @@ A kind of network adds how its stored arrays become weights, and how its player 
 of `phase_reservoir`. One step is one frame's worth of phase: tempo is the number of steps a second, and never changes
 what is played. The phase is given and cannot be lost, so noise disturbs the neurons alone.
 
-A motion may have an input u besides the phase (`driving_input`): W_u u is added within tanh.
+A motion may have an input u besides the phase (`storage.DrivingInput`): W_u u is added within tanh.
 """
 
 from __future__ import annotations
@@ -21,9 +21,8 @@ from numpy.typing import NDArray
 from controller.motion.encodings.normalisation import Normalisation
 from controller.motion.rotations import Array, Indices
 from controller.networks.base import Channels, Float32, PhaseNetwork, ReservoirNetwork, lead_shape
-from controller.networks.driving_input import LEVELS, DrivingInput
 from controller.networks.reservoirs.phase_reservoir import ANCHOR_EVERY, SETTLING_STEPS, PhaseCourse, PhaseReservoir
-from controller.networks.storage import MotionHeader, PhaseScales, StoredNetwork, arrays_of
+from controller.networks.storage import LEVELS, DrivingInput, MotionHeader, PhaseScales, StoredNetwork, arrays_of
 from motiondeck_base.arrays_on_disk import release
 from motiondeck_base.errors import UnknownNameError
 

@@ -75,7 +75,7 @@ class PageContents:
     def description(self, models: Sequence[Path], human: GhostDescription | None) -> PageDescription:
         """The run for its page; the models of the robots are files."""
         from sim.models.gravity import GRAVITY
-        from sim.physics.pushes import usual_push
+        from sim.physics.playback import usual_push
 
         deck, simulation = self.deck, self.robots[0].simulation
         robot = simulation.robot

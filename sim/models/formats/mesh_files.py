@@ -24,10 +24,8 @@ class TriangleMesh:
     y_up: bool = False  # whether the file's y axis is up
 
 
-_NOT_NEEDED = {f"library_{kind}" for kind in ("images", "effects", "materials", "cameras", "lights", "animations")} | {
-    "bind_material",
-    "instance_camera",
-    "instance_light",
+_NOT_NEEDED = {"bind_material", "instance_camera", "instance_light"} | {
+    f"library_{kind}" for kind in ("images", "effects", "materials", "cameras", "lights", "animations")
 }
 
 

@@ -97,13 +97,11 @@ class Estimate(ExactState):
         self._posture: Array | None = None
 
     def start(self) -> None:
-        """Resets: the robot is next seen at rest."""
         self._posture = None
         self._line.clear()
         self._root_speed[:] = 0.0
 
     def see(self, data: mujoco.MjData, stands: Array) -> mujoco.MjData:
-        """The estimate; as of `ExactState`."""
         seen, s, random = self._data, self._sensors, self._random
         self._line.append((data.qpos.copy(), data.qvel.copy(), stands))
         before, (qpos, qvel, stands) = self._line[0], self._line[min(1, len(self._line) - 1)]

@@ -15,7 +15,7 @@ from controller.learning.trainers.phase_echo_state import PhaseEchoStateRecipe
 from controller.library.motion_library import MotionLibrary, load_library, save_library
 from controller.motion.encodings.motion_matching import joint_features
 from controller.motion.encodings.normalisation import Normalisation
-from controller.networks.driving_input import DrivingInput
+from controller.networks.storage import DrivingInput
 from motiondeck_base.errors import FileFormatError, MotiondeckError, UnknownNameError
 
 ENCODING = synthetic.small_encoding()
