@@ -159,7 +159,7 @@ def test_motions_of_another_robot_or_format_are_not_mixed(folder, first):
 
 @pytest.mark.parametrize(
     ("what", "complaint"),
-    [("nothing", "no such file or folder"), ("empty", "no recording"), ("twice", "both be easy")],
+    [("nothing", "no such file or folder"), ("empty", "no recording"), ("twice", "both become easy")],
 )
 def test_paths_that_cannot_be_used_are_named(folder, tmp_path, what, complaint):
     (tmp_path / "empty").mkdir()
