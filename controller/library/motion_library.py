@@ -15,7 +15,7 @@ import msgspec
 import numpy as np
 
 from controller.library.recording_error import RecordingError
-from controller.motion.canonical.canonical_body import is_canonical
+from controller.motion.canonical.canonical_body import is_canonical, offsets_at_rest
 from controller.motion.encodings.encoding import ENCODINGS, Encoding
 from controller.motion.rotations import Array
 from controller.motion.skeleton import Skeleton, SkeletonInfo
@@ -144,10 +144,11 @@ class MotionLibrary:
         if body is skeleton or set(body.bones) != set(skeleton.bones):
             return skeleton.offsets
         order = [body.bones.index(bone) for bone in skeleton.bones]
-        direction = body.rest_direction if is_canonical(body) else skeleton.rest_direction
         if np.array_equal(body.length[order], skeleton.length):
             return skeleton.offsets
-        own = skeleton.with_offsets(body.length[order, None] * direction)
+        canonical = is_canonical(body) and is_canonical(skeleton)
+        at_rest = body.length[order, None] * skeleton.rest_direction
+        own = skeleton.with_offsets(offsets_at_rest(body, skeleton) if canonical else at_rest)
         return own.offsets * (skeleton.leg_length / own.leg_length)
 
 

@@ -203,12 +203,12 @@ def carried(clip: Clip, skeleton: Skeleton) -> Clip:
 def _proportioned(clip: Clip, skeleton: Skeleton) -> Clip:
     """A canonical clip on the canonical body with other proportions; in each frame its lowest joints stay as high."""
     own = clip.skeleton
-    (to_hips, half), (to_own, own_half) = _pelvis(skeleton), _pelvis(own)
+    (to_hips, half), (to_own, _) = _pelvis(skeleton), _pelvis(own)
     ratio = leg(skeleton) / leg(own)
     rotation, place = clip.rotation.copy(), ratio * clip.joints()
     line = rotate(rotation[:, 1:], own.rest_direction)
     root = place[:, 0]
-    if max(abs(half - ratio * own_half), abs(np.hypot(*to_hips[::2]) - ratio * np.hypot(*to_own[::2]))) > SAME_PELVIS:
+    if not _same_pelvis(own, skeleton):
         right, left = (place[:, 1 + hip] for hip in _HIPS)
         middle, across = 0.5 * (left + right), half * normalise(left - right)
         # The pelvis is turned as its lines are: the twist of the root may follow a rule.
@@ -255,6 +255,24 @@ def _pelvis(skeleton: Skeleton) -> tuple[Array, float]:
     """From the root to the middle between the hips of a canonical body at rest, (3,), and half their distance, m."""
     right, left = skeleton.rest_direction[_HIPS] * skeleton.length[_HIPS, None]
     return 0.5 * (left + right), 0.5 * float(np.linalg.norm(left - right))
+
+
+def offsets_at_rest(body: Skeleton, skeleton: Skeleton) -> Array:
+    """The offsets (19, 3), m, of a canonical body for motions that were carried from it to another one.
+
+    Files rest with the pelvis bent differently; hips of the same shape were carried as they stand.
+    """
+    offsets = body.length[:, None] * body.rest_direction
+    if _same_pelvis(body, skeleton):
+        offsets[_HIPS] = skeleton.offsets[_HIPS] * (leg(body) / leg(skeleton))
+    return offsets
+
+
+def _same_pelvis(body: Skeleton, skeleton: Skeleton) -> bool:
+    (to_own, own_half), (to_hips, half) = _pelvis(body), _pelvis(skeleton)
+    ratio = leg(skeleton) / leg(body)
+    apart = abs(half - ratio * own_half), abs(np.hypot(*to_hips[::2]) - ratio * np.hypot(*to_own[::2]))
+    return max(apart) <= SAME_PELVIS
 
 
 def _with_same_bones(clip: Clip, skeleton: Skeleton) -> Clip:

@@ -1,11 +1,20 @@
 """The body that a deck shows: that of the motion's recording at rest, and a smooth way to the next one in a switch."""
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from controller.deck.deck import Deck
-from controller.motion.canonical.canonical_body import root_height
+from controller.library.motion_library import MotionLibrary
+from controller.motion.canonical.canonical_body import carried, root_height
+from controller.motion.clip import Clip
+from controller.motion.encodings.bone_directions import BoneDirections
+from controller.motion.rotations import conjugate, from_rotation_vector, multiply, rotate, yaw
+from controller.motion.skeleton import JAEGER_BONES, thesis_skeleton
 from shipped_libraries import shipped
+from simulated_bodies import smooth_poses
 
 DT = 0.005
 
@@ -68,3 +77,32 @@ def test_another_body_has_its_lowest_joint_as_high():
             for body, root in ((skeleton, pose.root_position), (own, place))
         ]
         assert lows[0] == pytest.approx(lows[1], abs=0.02)
+
+
+@pytest.mark.parametrize(("bend", "wider"), [(-0.6, 0.0), (0.0, 0.0), (0.6, 0.0), (0.0, 0.02)])
+def test_a_body_is_shown_as_recorded_whatever_the_pose_that_its_file_rests_in(bend, wider):
+    def person(half, arm):
+        body = thesis_skeleton(np.where(np.isin(JAEGER_BONES, ("rkne", "lkne", "rank", "lank")), 0.44, 0.2))
+        hips = np.array([[0.03, side * half, -0.08] for side in (-1.0, 1.0)])
+        offsets = body.offsets.copy()
+        offsets[[body.index("rhip"), body.index("lhip")]] = hips
+        offsets[body.index("relb")] *= arm
+        return body.with_offsets(offsets)
+
+    library, recorded = person(0.09, 1.0), person(0.09 + wider, 1.1)
+    turns = np.array([pose.rotation for pose in smooth_poses(recorded, np.random.default_rng(5), 40, reach=0.4)])
+    hips = [1 + recorded.index("rhip"), 1 + recorded.index("lhip")]
+    turns[:, [0, *hips]] = turns[:, 1 + recorded.index("back"), None].copy()  # a pelvis is rigid
+    bent, rest = from_rotation_vector(np.array([0.0, bend, 0.0])), recorded.rest_direction.copy()
+    rest[[hip - 1 for hip in hips]] = rotate(bent, rest[[hip - 1 for hip in hips]])
+    file = replace(recorded, rest_direction=rest)
+    turns[:, hips] = multiply(turns[:, hips], conjugate(bent))
+    clip = Clip("swing", file, 120.0, np.zeros((len(turns), 3)), turns)
+    encoding, on_library = BoneDirections(library), carried(clip, library)
+    played = encoding.rotations(encoding.encode(on_library))
+    ahead = conjugate(yaw(encoding.heading(on_library.rotation)))[:, None]
+    offsets = MotionLibrary.offsets(SimpleNamespace(skeleton=library, body=lambda _: file), "swing")
+    shown = library.with_offsets(offsets).joints(np.zeros((len(turns), 3)), played)
+    wanted = file.joints(np.zeros((len(turns), 3)), multiply(ahead, turns))
+    apart = (one - one[:, hips].mean(axis=1, keepdims=True) for one in (shown, wanted))
+    assert np.abs(np.subtract(*apart)).max() < (0.005 if wider else 1e-6)
