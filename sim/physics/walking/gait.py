@@ -15,7 +15,7 @@ GROWS, STOOD = (0.3, 0.55, 0.8, 1.0), 0.6  # shares of the first steps after sta
 SHORTEST, UNKNOWN = 0.2, 0.3  # least duration of a step, and of a swing whose end is not in the preview yet, s
 FROZEN = 0.15  # last share of a swing in which its goal is fixed
 # Largest turn of the robot in a step, of a landing foot from the heading, and of a standing foot from it, rad.
-TURN, FOOT_TURN, TWIST = 0.6, 0.5, 0.6
+TURN, FOOT_TURN, TWIST = 1.0, 0.5, 0.6
 # Share of an error of the heading that a step makes up for, and the largest such turn, rad: feet slip as they stand.
 STEERS, STEERING = 0.5, 0.1
 APART = 0.9  # largest width of a step beyond the least one, in widths, as far as the foot lands flat
