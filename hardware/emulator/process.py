@@ -22,6 +22,11 @@ class EmulatorProcess:
         """The only one, or the first."""
         return self.ports[0]
 
+    @property
+    def pid(self) -> int:
+        """The process that emulates."""
+        return self._process.pid
+
     def __enter__(self) -> Self:
         return self
 
