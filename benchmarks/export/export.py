@@ -1,4 +1,4 @@
-"""Whether the C player does as the deck, by random commands, and keeps limits.
+"""Whether the C player plays random commands as the deck, within limits.
 
 Each sequence is played by the deck in virtual time and by the C player: once with limits so wide that all targets pass,
 where angles are compared; once with the joints' own limits, where a judge of its own looks for broken ones. Where
