@@ -27,7 +27,7 @@ from motiondeck.export.figure import figure_of
 from motiondeck.export.golden import deck_trace
 from motiondeck_base.errors import FileFormatError, MotiondeckError
 
-pytestmark = pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler")
+pytestmark = pytest.mark.skipif(not (shutil.which("cc") and shutil.which("make")), reason="no C compiler, or no make")
 
 JOINTS, TICKS = 4, 300
 ONES = np.ones(JOINTS)
