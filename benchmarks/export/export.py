@@ -21,7 +21,7 @@ from benchmarks.command import run
 from benchmarks.export._c_player import SANITIZED, CPlayer, beyond_limits, groups_of, random_script, wide
 from controller.motion.rotations import Array
 from motiondeck.export.figure import Figure
-from motiondeck.export.golden import deck_trace
+from motiondeck.export.golden import Trace, deck_trace
 from motiondeck.export.source import open_figure
 
 TICKS, SAME = 600, 1e-3
@@ -34,16 +34,19 @@ def measured(figure: Figure, rng: Random) -> Array:
     return near.astype(np.float32).astype(float)
 
 
+def played(figure: Figure, player: CPlayer, seed: int, *, layered: bool) -> tuple[Array, Trace, Trace]:
+    """Where the joints start, rad, and what the deck and the C player play of the random commands of a seed."""
+    rng = Random(seed)
+    start, script = measured(figure, rng), random_script(figure, TICKS, rng, layered=layered)
+    deck = deck_trace(figure, script, TICKS, start, groups_of(figure))
+    return start, deck, player.trace(figure, script, TICKS, start)
+
+
 def parted(figure: Figure, player: CPlayer, seeds: Iterable[int], *, layered: bool) -> tuple[list[int], list[float]]:
     """The sequences in which angles part by 1 mrad, or commands are not taken alike, and how far angles part in all."""
     found, off = list[int](), list[float]()
     for seed in seeds:
-        rng = Random(seed)
-        start, script = measured(figure, rng), random_script(figure, TICKS, rng, layered=layered)
-        deck, ours = (
-            deck_trace(figure, script, TICKS, start, groups_of(figure)),
-            player.trace(figure, script, TICKS, start),
-        )
+        _, deck, ours = played(figure, player, seed, layered=layered)
         off.append(float(np.abs(deck.safe - ours.safe).max()))
         if off[-1] >= SAME or deck.accepted != ours.accepted:
             found.append(seed)
@@ -56,12 +59,7 @@ def within_limits(
     """The largest excess over a limit, as a share of it, and how far from targets C and deck are, rad (rms)."""
     worst, squares = -1.0, list[tuple[float, float]]()
     for seed in seeds:
-        rng = Random(seed)
-        start, script = measured(figure, rng), random_script(figure, TICKS, rng, layered=layered)
-        deck, ours = (
-            deck_trace(figure, script, TICKS, start, groups_of(figure)),
-            player.trace(figure, script, TICKS, start),
-        )
+        start, deck, ours = played(figure, player, seed, layered=layered)
         worst = max(worst, beyond_limits(figure, start, ours.safe))
         squares.append(
             (float(np.square(ours.safe - ours.targets).mean()), float(np.square(deck.safe - deck.targets).mean()))

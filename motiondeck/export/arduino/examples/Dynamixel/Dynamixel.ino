@@ -11,20 +11,10 @@ static const int DIRECTION_PIN = -1;
 static Dynamixel2Arduino bus(BUS, DIRECTION_PIN);
 static md_player player;
 static md_line line;
-static uint32_t due, period; // us
+static uint32_t due; // us
 static int32_t goals[SERVOS];
 static DYNAMIXEL::XELInfoSyncWrite_t goal_of[SERVOS];
 static DYNAMIXEL::InfoSyncWriteInst_t all_goals;
-
-static void take_commands() {
-  char reply[128];
-  while (Serial.available() > 0) {
-    const char *command = md_letter(&line, (char)Serial.read());
-    if (!command) continue;
-    md_command(&player, command, reply, sizeof reply);
-    Serial.println(reply);
-  }
-}
 
 // Waits for a servo, sets it up without torque, and says where it stands, in pulses.
 static int32_t prepared(const md_servo &servo) {
@@ -77,14 +67,11 @@ void setup() {
     bus.torqueOn(servos[number].id);
     bus.writeControlTableItem(ControlTableItem::BUS_WATCHDOG, servos[number].id, SERVO_WATCHDOG);
   }
-  period = (uint32_t)(1e6f / md_rate(figure));
   due = micros();
 }
 
 void loop() {
-  take_commands();
-  if ((int32_t)(micros() - due) < 0) return;
-  due += period;
-  if ((int32_t)(micros() - due) > 0) due = micros(); // late: no tick is caught up with
+  md_take_commands(&player, &line);
+  if (!md_tick_is_due(&due)) return;
   set_goals(md_step(&player));
 }

@@ -5,30 +5,17 @@
 
 static md_player player;
 static md_line line;
-static uint32_t due, period; // us
-
-static void take_commands() {
-  char reply[128];
-  while (Serial.available() > 0) {
-    const char *command = md_letter(&line, (char)Serial.read());
-    if (!command) continue;
-    md_command(&player, command, reply, sizeof reply);
-    Serial.println(reply);
-  }
-}
+static uint32_t due; // us
 
 void setup() {
   Serial.begin(115200);
   while (md_begin(&player, figure, NULL) < 0) delay(1000); // a damaged figure plays nothing
-  period = (uint32_t)(1e6f / md_rate(figure));
   due = micros();
 }
 
 void loop() {
-  take_commands();
-  if ((int32_t)(micros() - due) < 0) return;
-  due += period;
-  if ((int32_t)(micros() - due) > 0) due = micros(); // late: no tick is caught up with
+  md_take_commands(&player, &line);
+  if (!md_tick_is_due(&due)) return;
   const float *angles = md_step(&player);
   Serial.print("goals");
   for (int joint = 0; joint < FIGURE_JOINTS; joint++) {
