@@ -41,8 +41,7 @@ class PersonFollower:
             )
         motions = [read_motions(library)[name] for name in library.network.motions]
         bodies = [body_course(library, motion) for motion in motions]
-        own_height = float(np.ptp((skeleton.chain @ skeleton.offsets)[:, 2]))
-        self._scale = ARM if skeleton.is_rig else own_height / height if height is not None else 1.0
+        self._scale = ARM if skeleton.is_rig else skeleton.stature / height if height is not None else 1.0
         loops = [motion.loop for motion in motions]
         self._steps = [len(turns) // (3 if loop else 1) for (_, turns), loop in zip(bodies, loops, strict=True)]
         self._filter = PhaseFilter([body[:, own] for body, _ in bodies], [heading for _, heading in bodies], loops)

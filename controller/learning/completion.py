@@ -17,13 +17,14 @@ from scipy.ndimage import gaussian_filter1d
 from controller.motion.canonical.actors import actors_of, nearest_to_all
 from controller.motion.canonical.canonical_body import carried, to_canonical
 from controller.motion.canonical.clip_edits import resampled
-from controller.motion.clip import Clip, Markers, between_rows, bridged
+from controller.motion.clip import AS_FOUND, Clip, Markers, between_rows, bridged
 from controller.motion.encodings.joint_angles import angles_of
 from controller.motion.formats.reading import read_as_stored, read_clip
 from controller.motion.formats.taught_clip import taught_clip
 from controller.motion.orientation import orient
 from controller.motion.rotations import Array, conjugate, continuous, normalise, rotate, yaw
 from controller.motion.skeleton import Skeleton
+from controller.motion.take.steps import taken
 from controller.motion.up_axis import TO_OURS
 from controller.networks.ridge import affine_ridge
 from motiondeck_base.errors import FileFormatError, MotiondeckError, UnknownNameError
@@ -48,11 +49,11 @@ def complete_recording(path: Path, like: Sequence[Path], names: Sequence[str], h
     if rig is not None:
         return complete_joints(rig, names or rig.skeleton.bones, known)
     if isinstance(found, Clip):
-        clip = to_canonical(read_clip(path))
+        clip = to_canonical(taken(found, AS_FOUND))
         found = Markers(("root", *clip.skeleton.bones), clip.rate, clip.joints(), "z", clip.source)
     body = nearest_to_all(actors_of({str(index): clip for index, clip in enumerate(known)})).body
     if height is not None:
-        body = replace(body, length=body.length * height / np.ptp((body.chain @ body.offsets)[:, 2]))
+        body = replace(body, length=body.length * height / body.stature)
     return complete_body(found, names or found.labels, known, body)
 
 

@@ -72,9 +72,10 @@ def compute_motion(library: MotionLibrary, expression: str, name: str) -> Comput
         raise MotiondeckError(f"there is a motion '{name}' in the library '{info.name}' already; give another name")
     part, activity, jerk, factor = play_mixed(library, mixed_conceptor(network, expression))
     grown = cast(Any, network).with_motions({name: part})
-    judge = Judge(library.encoding, {name: part.read()}, {name: True}, info.rate)
+    frames = part.read()
+    judge = Judge(library.encoding, {name: frames}, {name: True}, info.rate)
     verdict = stress_test(grown, self_test(grown, judge), judge, info.seed)[name]
-    described = describe_motion(MotionRecipe(name=name, file=expression), part.read(), grown, verdict, ANCHOR_EVERY)
+    described = describe_motion(MotionRecipe(name=name, file=expression), frames, grown, verdict, ANCHOR_EVERY)
     if described.passed and not (activity >= STILL and jerk <= HARDEST):
         reason = f"moves {activity:.2f} and jerks {jerk:.2f} times as much as its motions"
         described = msgspec.structs.replace(described, passed=False, reason=reason)
@@ -87,10 +88,10 @@ def similarities(network: AnyNetwork, motion: str) -> dict[str, float]:
     """The similarity of a motion's conceptor to those of the others of one piece (`conceptor_algebra.similarity`)."""
     parts = {one: network[one].stored for one in network.motions if len(network[one].stored.mean) == 1}
     own, found = parts.pop(motion), dict[str, float]()
+    directions, size = own.basis[0].T, np.linalg.norm(own.strength)
     for one, other in parts.items():
-        shared = np.square(own.basis[0].T @ other.basis[0])
-        sizes = np.linalg.norm(own.strength) * np.linalg.norm(other.strength)
-        found[one] = float(own.strength[0] @ shared @ other.strength[0] / sizes)
+        shared = np.square(directions @ other.basis[0])
+        found[one] = float(own.strength[0] @ shared @ other.strength[0] / (size * np.linalg.norm(other.strength)))
     return found
 
 
@@ -130,10 +131,11 @@ def play_mixed(library: MotionLibrary, mixed: MixedConceptor) -> tuple[PhaseConc
         raise MotiondeckError(f"a round would take {seconds:.3g} s; {SHORTEST} to {LONGEST:g} are played")
     course = PhaseCourse.of(round(seconds * rate), 1, loop=True)
     mean = np.tensordot(shares, [part.stored.mean[0].astype(np.float64) for part in own], 1)
+    paces = np.array([_pace(library.encoding, part) for part in own])
     tried: list[tuple[PhaseConceptorMotion, float, float, float]] = []
     for factor in APERTURES:
         played = _leaning(library.encoding, own[0], course, _cut(mixed, factor, mean, own[0], course))
-        tried.append((played, *_liveliness(library.encoding, played, own, shares), factor))
+        tried.append((played, *_liveliness(_pace(library.encoding, played), paces, shares), factor))
     smooth = [one for one in tried if one[1] <= LIVELIEST and one[2] <= 1.0]
     return max(smooth, key=lambda one: one[1]) if smooth else min(tried, key=lambda one: one[2])
 
@@ -291,15 +293,15 @@ def _aside(paths: Array) -> Array:
     return aside.ravel()
 
 
-def _liveliness(
-    encoding: Encoding, played: PhaseConceptorMotion, motions: list[PhaseConceptorMotion], shares: Array
-) -> tuple[float, float]:
-    """How fast the joints of a motion are, and its largest jerk, beside those of its motions in step."""
-    speeds, jerks = np.empty(len(motions) + 1), np.empty(len(motions) + 1)
-    for at, motion in enumerate([played, *motions]):
-        joints = joint_features(encoding, motion.read())
-        joints = np.concatenate([joints, joints[:3]])
-        speeds[at] = np.sqrt(np.square(np.diff(joints[:-2], axis=0)).mean()) * len(motion)  # a round
-        jerks[at] = np.abs(np.diff(joints, 3, axis=0)).max()
-    weight = np.abs(shares)
-    return float(speeds[0] * weight.sum() / (weight @ speeds[1:])), float(jerks[0] / jerks[1:][weight > 0.0].max())
+def _pace(encoding: Encoding, motion: PhaseConceptorMotion) -> tuple[float, float]:
+    """How far the joints of a motion go in a round, root mean square, and their largest jerk."""
+    joints = joint_features(encoding, motion.read())
+    joints = np.concatenate([joints, joints[:3]])
+    speed = np.sqrt(np.square(np.diff(joints[:-2], axis=0)).mean()) * len(motion)
+    return float(speed), float(np.abs(np.diff(joints, 3, axis=0)).max())
+
+
+def _liveliness(played: tuple[float, float], paces: Array, shares: Array) -> tuple[float, float]:
+    """The pace of a motion beside those (M, 2) of its motions in step: how fast it is, and its largest jerk."""
+    weight, (speeds, jerks) = np.abs(shares), paces.T
+    return float(played[0] * weight.sum() / (weight @ speeds)), float(played[1] / jerks[weight > 0.0].max())

@@ -137,6 +137,11 @@ class Skeleton:
         """Depth of the skeleton below its root in the rest pose, m."""
         return float(-np.min((self.chain @ self.offsets)[:, 2]))
 
+    @property
+    def stature(self) -> float:
+        """Height of the skeleton in the rest pose, m."""
+        return float(np.ptp((self.chain @ self.offsets)[:, 2]))
+
     def joints(self, root_position: Array, rotation: Array) -> Array:
         """Forward kinematics: positions of the root and of the ends of the bones, shape (..., 1 + B, 3), m.
 

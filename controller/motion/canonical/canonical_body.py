@@ -203,12 +203,12 @@ def carried(clip: Clip, skeleton: Skeleton) -> Clip:
 def _proportioned(clip: Clip, skeleton: Skeleton) -> Clip:
     """A canonical clip on the canonical body with other proportions; in each frame its lowest joints stay as high."""
     own = clip.skeleton
-    (to_hips, half), (to_own, _) = _pelvis(skeleton), _pelvis(own)
     ratio = leg(skeleton) / leg(own)
     rotation, place = clip.rotation.copy(), ratio * clip.joints()
     line = rotate(rotation[:, 1:], own.rest_direction)
     root = place[:, 0]
     if not _same_pelvis(own, skeleton):
+        (to_hips, half), (to_own, _) = _pelvis(skeleton), _pelvis(own)
         right, left = (place[:, 1 + hip] for hip in _HIPS)
         middle, across = 0.5 * (left + right), half * normalise(left - right)
         # The pelvis is turned as its lines are: the twist of the root may follow a rule.
