@@ -11,7 +11,6 @@ from typer import Option
 from motiondeck.cli.common.options import JsonOption
 from motiondeck.cli.library import LibraryArgument
 from motiondeck_base.errors import MotiondeckError
-from motiondeck_base.shipped import find_rig
 
 
 def export(
@@ -34,8 +33,8 @@ def export(
 
     Example:  motiondeck export thesis15 --robot servo20 --motions walk,jog,waltz --for c --out figure
     """
-    from hardware.rig.rig_file import load_rig
     from motiondeck.cli.common.tables import show_table
+    from motiondeck.cli.rig.rig_port import load
     from motiondeck.export.c_folder import write_arduino, write_c
     from motiondeck.export.source import open_figure
 
@@ -44,7 +43,7 @@ def export(
     names = [name.strip() for name in motions.split(",") if name.strip()]
     figure = open_figure(library, robot, rig, names, out if target == "web" else None)
     if target == "arduino" and rig is not None:
-        write_arduino(figure, load_rig(find_rig(rig)), out)
+        write_arduino(figure, load(rig), out)
     elif target == "c":
         write_c(figure, out)
     rows = [(name, size, *figure.error[name]) for name, size in figure.bytes_of.items()]

@@ -118,7 +118,7 @@
       mark(box, "data-look", look);
       write(box.querySelector("i"), look || (place ? `queued ${place}` : ""));
     });
-    write(get("queue"), queue.length ? `next: ${queue.join(", ")}` : "+ (or shift and click) queues a motion");
+    write(get("queue"), then || "+ (or shift and click) queues a motion");
     mark(ring, "aria-valuenow", player.phase.toFixed(2));
   };
 

@@ -84,7 +84,7 @@ const SUN = unit([1.2, -1.6, 4]);
 const FAR = 9; // heights of the figure: there the floor has faded into the sky
 const SHADE = `#version 300 es
   precision highp float;
-  uniform mat4 view; uniform mat4 model; uniform vec3 eye; uniform vec3 sun; uniform float flat_;
+  uniform mat4 view; uniform mat4 model; uniform vec3 sun; uniform float flat_;
   in vec3 place; in vec3 normal; out vec3 side; out vec3 spot;
   void main() {
     vec4 p = model * vec4(place, 1.0);

@@ -40,10 +40,10 @@ static void status(const md_player *p, char *reply, int size) {
   }
 }
 
-/* The number that a word is; `none` if there is no such word and it may be left out. MD_E_VALUE for what is no number. */
-static int number(const char *word, int needed, float none, float *value) {
+/* The number that a word is; 0 if there is no such word and it may be left out. MD_E_VALUE for what is no number. */
+static int number(const char *word, int needed, float *value) {
   char *end;
-  *value = none;
+  *value = 0.0f;
   if (!word) return needed ? MD_E_VALUE : 0;
   *value = (float)strtod(word, &end);
   return *end || end == word ? MD_E_VALUE : 0;
@@ -58,12 +58,12 @@ static int carried_out(md_player *p, char *const *words, int count) {
     return first[0] == 'q' ? md_queue(p, motion) : md_switch(p, motion, third && !strcmp(third, "direct"));
   }
   if (!strcmp(first, "tempo")) {
-    int wrong = number(second, 1, 1.0f, &value) | number(third, 0, 0.0f, &other);
+    int wrong = number(second, 1, &value) | number(third, 0, &other);
     return wrong ? MD_E_VALUE : md_tempo(p, value, other);
   }
-  if (!strcmp(first, "jump")) return number(second, 1, 0.0f, &value) ? MD_E_VALUE : md_jump(p, value);
+  if (!strcmp(first, "jump")) return number(second, 1, &value) ? MD_E_VALUE : md_jump(p, value);
   if (!strcmp(first, "heartbeat")) {
-    if (number(second, 1, 0.0f, &value) || !(value >= 0.0f && value <= 60.0f)) return MD_E_VALUE;
+    if (number(second, 1, &value) || !(value >= 0.0f && value <= 60.0f)) return MD_E_VALUE;
     md_heartbeat(p, value);
     return 0;
   }
