@@ -5,6 +5,7 @@ import select
 import subprocess
 import sys
 import threading
+from contextlib import closing
 
 import pytest
 from hypothesis import given
@@ -141,22 +142,33 @@ def test_replies_are_told_in_one_line():
 
 
 class Answering:
-    """A server that accepts everything in a thread, and lets switches settle at once, until it hears its last word."""
+    """A server that accepts everything, and lets switches settle at once, until it hears its last word.
 
-    def __init__(self, last=None):
+    As a context it does so in a thread.
+    """
+
+    def __init__(self, last):
         self.server = CommandServer(0)
         self.heard = []
         self._last = last
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._serve)
 
+    def answer(self):
+        """Whether its last word was among what has arrived; it has closed then, and hears no more."""
+        for message, sender in self.server.poll():
+            self.heard.append(type(message))
+            self.server.reply(sender, Accepted(message.id))
+            if isinstance(message, Switch):
+                self.server.reply(sender, Settled(message.to, 0.5, message.id))
+            if isinstance(message, self._last):
+                self.server.close()
+                return True
+        return False
+
     def _serve(self):
-        while not self._stop.wait(0.002) and self._last not in self.heard:
-            for message, sender in self.server.poll():
-                self.heard.append(type(message))
-                self.server.reply(sender, Accepted(message.id))
-                if isinstance(message, Switch):
-                    self.server.reply(sender, Settled(message.to, 0.5, message.id))
+        while not self._stop.wait(0.002) and not self.answer():
+            pass
         self.server.close()
 
     def __enter__(self):
@@ -169,6 +181,8 @@ class Answering:
 
 
 PROMPT = "\x1b[?25h"  # the cursor shown again, after the prompt was drawn
+# The thread that answers may wait long for a core.
+PATIENT = "from motiondeck.run import terminal; terminal._HEARTBEAT = terminal._STARTING = 30.0; terminal.main()"
 
 
 class Typist:
@@ -177,7 +191,7 @@ class Typist:
     def __init__(self, port):
         self.hand, far = pty.openpty()
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "motiondeck.run.terminal", str(port)],
+            [sys.executable, "-c", PATIENT, str(port)],
             stdin=far,
             stdout=far,
             stderr=far,
@@ -230,10 +244,15 @@ def test_with_no_deck_it_says_so_and_fails():
 
 def test_listening_ends_when_the_deck_goes_away(capsys, monkeypatch):
     monkeypatch.setattr("motiondeck.run.terminal._HEARTBEAT", 0.01)
-    with Answering(last=GetStatus) as deck:
-        client = CommandClient(deck.server.port)
+    deck = Answering(last=GetStatus)
+
+    def never_enough():  # asked between replies: the deck answers in this thread, however soon questions are repeated
+        if GetStatus not in deck.heard:
+            deck.answer()
+        return False
+
+    with closing(CommandClient(deck.server.port)) as client:
         client.post(Pause())
-        listen_to(client, lambda: False)
-        client.close()
+        listen_to(client, never_enough)
     assert capsys.readouterr().out.splitlines() == ["accepted", "The deck has ended."]
     assert deck.heard == [Pause, Subscribe, GetStatus]

@@ -187,7 +187,7 @@ def test_a_deck_does_not_move_before_a_conductor_that_is_late_has_told_it_of_a_s
         stage.play(6.5)
         assert stage.phase().reason == "the deck is still joining the show"
         stage.link.there, stage.link.stops = True, [EmergencyStopAll("right", "a1")]
-        told = stage.play(0.3)
+        told = stage.play(0.4)  # the member's questions are up to 0.35 s apart
         assert any(isinstance(message, EmergencyStop) for _, message in told)
         stage.play(0.3)
         assert isinstance(stage.phase(), PhaseNow)
