@@ -11,6 +11,7 @@ that has killed several processes, and keeps large arguments on one worker only,
 import itertools
 import os
 import re
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -59,6 +60,8 @@ def spread(tasks: Iterable[Task], jobs: Jobs, *, ordered: bool = False) -> Itera
     MotiondeckError if the cluster cannot be used, or gave a task up; what a task raises is raised too.
     """
     if not jobs.cluster:
+        if jobs.processes != 1 and not os.access("/dev/shm", os.W_OK):
+            print("motiondeck: one core computes, as /dev/shm is not writable. Mount a tmpfs there", file=sys.stderr)
         watched = (delayed(_watched)(os.getpid(), task) for task in tasks)
         yield from Parallel(jobs.processes, return_as="generator" if ordered else "generator_unordered")(watched)
     elif not ordered:

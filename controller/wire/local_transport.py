@@ -16,6 +16,7 @@ import struct
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from tempfile import gettempdir
 
 from motiondeck_base.errors import MotiondeckError
 
@@ -28,6 +29,7 @@ FULL = f"the deck is full: {MOST_CLIENTS} programs are connected. End one; an em
 TURNED_AWAY = f'{{"type":"refused","reason":"{FULL}"}}'.encode()
 """The last words of a full deck on a connection that it ends."""
 
+_REMEDY = "Set XDG_RUNTIME_DIR to a folder of your own with a short path"
 _FREE_NUMBERS = range(49152, 65536)
 _CREDENTIALS = struct.Struct("3i")  # process, user and group of a peer
 
@@ -43,19 +45,17 @@ class PeerGoneError(SocketError):
 def command_folder() -> Path:
     """The folder of the user's own (0700) in which decks have their sockets; it is made where it is missing.
 
-    It is `motiondeck` in XDG_RUNTIME_DIR, else in /run/user/UID, else /tmp/motiondeck-commands-UID. SocketError if it
-    cannot be made, or is not this user's alone.
+    It is `motiondeck` in XDG_RUNTIME_DIR, else in /run/user/UID, else motiondeck-commands-UID in TMPDIR. SocketError
+    if it cannot be made, or is not this user's alone.
     """
     user = os.geteuid()
     session = Path(os.environ.get("XDG_RUNTIME_DIR") or f"/run/user/{user}")
-    folder = session / "motiondeck" if session.is_dir() else Path(f"/tmp/motiondeck-commands-{user}")
+    folder = session / "motiondeck" if session.is_dir() else Path(gettempdir(), f"motiondeck-commands-{user}")
     try:
         folder.mkdir(mode=0o700, exist_ok=True)
         about = folder.lstat()
     except OSError as error:
-        raise SocketError(
-            f"{folder}: cannot be made ({error.strerror or error}). Set XDG_RUNTIME_DIR to a folder of your own"
-        ) from error
+        raise SocketError(f"{folder}: cannot be made ({error.strerror or error}). {_REMEDY}") from error
     if not stat.S_ISDIR(about.st_mode) or about.st_uid != user or about.st_mode & 0o077:
         raise SocketError(f"{folder}: others could command the deck here. Remove it, or: chmod 700 {folder}")
     return folder
@@ -81,7 +81,9 @@ class LocalSocket:
                 self._socket.listen(backlog)
         except OSError as error:
             self._socket.close()
-            raise SocketError(f"{folder}: no command socket can be made ({error.strerror or error})") from error
+            raise SocketError(
+                f"{folder}: no command socket can be made ({error.strerror or error}). {_REMEDY}"
+            ) from error
         except SocketError:
             self._socket.close()
             raise

@@ -3,9 +3,11 @@
 import errno
 import io
 import os
+import re
 import signal
 import sys
 import termios
+import warnings
 from collections.abc import Sequence
 from importlib import import_module
 from typing import Annotated, Any
@@ -19,6 +21,8 @@ take_signals()
 # Two BLAS threads cost a loop 8 ms at p99; set before numpy is imported.
 for _library in ("OPENBLAS", "OMP", "MKL"):
     os.environ.setdefault(f"{_library}_NUM_THREADS", "1")
+
+warnings.filterwarnings("ignore", ".*joblib will operate in serial mode")  # `jobs.spread` says why, and the remedy
 
 import typer  # noqa: E402
 import typer.core  # noqa: E402
@@ -122,10 +126,13 @@ def options(
 
 def _refuse(error: Any) -> None:
     """Ends the program after a usage error, with one line and exit code 2."""
-    problem = printable(error.format_message()).replace("Value error, ", "")
+    problem = printable(error.format_message()).replace("Value error, ", "").replace("a valid float", "a number")
     if problem:  # else the help has been printed
         command = error.ctx.command_path if error.ctx is not None else "motiondeck"
         end = "" if problem.endswith(("?", ".")) else "."
+        if error.ctx is not None and problem.startswith("Missing"):
+            told = re.sub(r" \\\n *", " ", error.ctx.command.help)
+            end += f" Example: {re.findall(rf'{command} .*?(?=  |$)', told, re.M)[0]}."
         print(f"motiondeck: {problem}{end} `{command} --help` explains.", file=sys.stderr)
     sys.exit(error.exit_code)
 

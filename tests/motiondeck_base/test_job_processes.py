@@ -1,6 +1,7 @@
 """Tasks in processes of this machine: they end with the program that started them."""
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -29,6 +30,24 @@ def test_processes_end_when_their_parent_is_killed(tmp_path):
         assert _comes_true(lambda: not any(map(_runs, workers)), 20.0)
     finally:
         os.killpg(parent.pid, signal.SIGKILL)
+
+
+@pytest.mark.thorough
+def test_without_shared_memory_one_process_computes_and_one_line_says_why():
+    program = (
+        "from motiondeck.cli.main import app; app\nfrom joblib import delayed\n"
+        "from motiondeck_base.jobs import EVERY_CORE, spread\n"
+        "print(sorted(spread([delayed(abs)(-1), delayed(abs)(2)], EVERY_CORE)))"
+    )
+    alone = ["unshare", "--user", "--map-root-user", "--mount", "sh", "-c"]
+    hidden = [*alone, 'mount -t tmpfs -o ro none /dev/shm || exit 77; exec "$@"', "sh"]
+    if not shutil.which("unshare"):
+        pytest.skip("unshare is not installed")
+    done = subprocess.run([*hidden, sys.executable, "-c", program], capture_output=True, text=True, timeout=100)
+    if done.returncode and "Traceback" not in done.stderr:
+        pytest.skip("this machine lets no user mount a folder of his own")
+    assert done.stdout == "[1, 2]\n"
+    assert done.stderr == "motiondeck: one core computes, as /dev/shm is not writable. Mount a tmpfs there\n"
 
 
 def _comes_true(condition, seconds):

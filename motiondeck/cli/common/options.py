@@ -68,7 +68,7 @@ class Reading:
         try:
             unit = None if self.unit is None else ANGLE_UNITS.get(self.unit) or float(self.unit)
         except ValueError:
-            raise MotiondeckError(f"--unit takes a length in m, deg or rad, not '{self.unit}'") from None
+            raise MotiondeckError(f"--unit {self.unit}: give a unit's length in m (0.01 for cm), deg or rad") from None
         names = dict(pair.split("=", 1) for pair in self.rename or [] if "=" in pair)
         if len(names) < len(self.rename or []):
             raise MotiondeckError("--rename takes OLD=NEW, once for each joint")

@@ -34,6 +34,22 @@ def test_sockets_are_in_a_folder_of_the_users_own_and_gone_afterwards(folder):
     assert [file.name for file in folder.iterdir()] == ["lock"]
 
 
+def test_without_a_folder_of_the_session_sockets_are_in_the_temporary_folder(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path / "none"))
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    monkeypatch.setattr("tempfile.tempdir", None)
+    with closing(CommandServer(0)):
+        (folder,) = tmp_path.iterdir()
+        assert folder == command_folder() == tmp_path / f"motiondeck-commands-{os.geteuid()}"
+
+
+def test_a_folder_with_too_long_a_name_is_refused_with_the_remedy(tmp_path, monkeypatch):
+    (tmp_path / (120 * "d")).mkdir()
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path / (120 * "d")))
+    with pytest.raises(SocketError, match="Set XDG_RUNTIME_DIR to a folder of your own with a short path"):
+        CommandServer(0)
+
+
 @pytest.mark.parametrize("mode", [0o755, 0o770, 0o750, 0o710, 0o701])
 @pytest.mark.parametrize("opened", [CommandServer, StopDoor])
 def test_a_folder_that_others_may_enter_is_refused(folder, opened, mode):

@@ -4,6 +4,7 @@ import json
 import os
 import pty
 import re
+import shlex
 import shutil
 import socket
 import subprocess
@@ -13,6 +14,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 import pytest
+import typer
 
 import controller
 import synthetic
@@ -20,6 +22,7 @@ from command_line import motiondeck
 from controller.library.motion_library import save_library
 from controller.wire.local_transport import command_folder
 from idle_programs import idle_programs
+from motiondeck.cli.main import command_line
 
 pytestmark = pytest.mark.smoke
 
@@ -175,6 +178,10 @@ def test_the_shipped_library_is_found_by_name():
         (("play", "--video", "walk.avi", "--seconds", "1"), "walk.avi"),
         (("library", "show", "pyproject.toml"), "pyproject.toml: not a library file, which ends in .safetensors"),
         (("learn", "none.toml", "--data", ".", "--out", "x.safetensors"), "none.toml: cannot be read"),
+        (
+            ("clip", "show", "walk.bvh", "--unit", "cm"),
+            "--unit cm: give a unit's length in m (0.01 for cm)",
+        ),
         (("send", "tempo", "fast"), "TEMPO must be a number from -3 to 3"),
         (("send", "tempo", "-4"), "TEMPO must be a number from -3 to 3, not -4"),
         (("send", "tempo -1 soon"), "tempo: SECONDS must be a number from 0 to 60"),
@@ -198,7 +205,7 @@ def test_a_mistake_ends_in_one_clear_line(arguments, says):
         (("retarget", "walk.bvh", "--robot", "servo20", "--out", ".", "--format", "fbx"), "'fbx' is not one of"),
         (("robot", "check", "servo20", ".", "--solver", "magic"), "'magic' is not one of 'angles', 'ik'"),
         (("play", "--seconds", "x"), "'--seconds'"),
-        (("library", "show"), "Missing argument 'LIBRARY'"),
+        (("play", "--rate", "fast"), "'fast' is not a number"),
         (("rig", "doctor", "servo20", "--fast"), "--fast"),
         (("send", "status", "--jsn"), "there is no option --jsn"),
     ],
@@ -210,6 +217,30 @@ def test_a_word_that_no_command_knows_ends_in_one_line_that_names_the_help(argum
     assert run.stderr.startswith("motiondeck: ")
     assert run.stderr.endswith(" --help` explains.\n")
     assert len(run.stderr.splitlines()) == 1
+
+
+def every_command(group, words=()):
+    for name, command in getattr(group, "commands", {}).items():
+        yield from every_command(command, (*words, name))
+    if not hasattr(group, "commands"):
+        yield words, {parameter.name for parameter in group.params if parameter.required}
+
+
+REQUIRING = [words for words, required in every_command(typer.main.get_command(command_line())) if required]
+
+
+def test_a_command_without_its_arguments_shows_an_example_that_has_them_all():
+    assert len(REQUIRING) > 30
+    for words in REQUIRING:
+        said = motiondeck(*words).stderr
+        example = re.search(
+            rf" Example: motiondeck ({' '.join(words)} .*)\. `motiondeck {' '.join(words)} --help`", said
+        )
+        assert "Missing" in said
+        assert example, said
+        assert len(said.splitlines()) == 1
+        again = motiondeck(*shlex.split(example[1]), "--no-such-option")
+        assert "o such option" in again.stderr or "no option --no-such-option" in again.stderr
 
 
 def test_without_words_it_says_what_to_try_and_h_is_help():
