@@ -15,13 +15,13 @@ _MADE_BY = {
 }
 
 
-def shipped_configs() -> Path:
-    """The folder of the shipped configuration: inside an installed package, or at the root of a checkout."""
+def shipped_configs(name: str = "configs") -> Path:
+    """The folder of the shipped configuration, or `name`: inside an installed package, or at the root of a checkout."""
     package = Path(__file__).resolve().parent
-    for folder in (package / "configs", package.parent / "configs"):
+    for folder in (package / name, package.parent / name):
         if folder.is_dir():
             return folder
-    raise MotiondeckError(f"the installation is incomplete: no 'configs' in {package}. Install motiondeck again.")
+    raise MotiondeckError(f"the installation is incomplete: no '{name}' in {package}. Install motiondeck again.")
 
 
 def user_cache() -> Path:

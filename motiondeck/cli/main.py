@@ -48,7 +48,14 @@ _UsageError: type[Exception] = typer.BadParameter.__bases__[0]
 
 # The panels of the help, and the module of each command; a group of commands is an app.
 _PANELS = {
-    "Play": {"play": "play", "send": "remote.send", "events": "remote.send", "replay": "replay", "plot": "plot"},
+    "Play": {
+        "play": "play",
+        "send": "remote.send",
+        "events": "remote.send",
+        "replay": "replay",
+        "plot": "plot",
+        "examples": "examples",
+    },
     "Learn": {
         "learn": "learn",
         "clip": "clip.commands",
@@ -131,8 +138,8 @@ def _refuse(error: Any) -> None:
         command = error.ctx.command_path if error.ctx is not None else "motiondeck"
         end = "" if problem.endswith(("?", ".")) else "."
         if error.ctx is not None and problem.startswith("Missing"):
-            told = re.sub(r" \\\n *", " ", error.ctx.command.help)
-            end += f" Example: {re.findall(rf'{command} .*?(?=  |$)', told, re.M)[0]}."
+            text = re.sub(r" \\\n *", " ", error.ctx.command.help)
+            end += f" Example: {re.findall(rf'{command} .*?(?=  |$)', text, re.M)[0]}."
         print(f"motiondeck: {problem}{end} `{command} --help` explains.", file=sys.stderr)
     sys.exit(error.exit_code)
 

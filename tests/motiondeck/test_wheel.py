@@ -89,6 +89,16 @@ def test_page_recording_and_emulated_rig_work_beside_foreign_packages(command, c
 
 
 @pytest.mark.thorough
+def test_the_examples_are_in_the_wheel(command, crowded, tmp_path):
+    for words in (("examples", "start"), ("learn", "start/examples/head/nod.toml", "--out", "nod.safetensors")):
+        done = subprocess.run([command, *words], cwd=tmp_path, env=environment(), capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
+    there = {file.relative_to(tmp_path / "start") for file in (tmp_path / "start").rglob("*") if file.is_file()}
+    assert {Path("walk.bvh"), Path("configs/rigs/servo20.toml"), Path("examples/play_ten_lines.py")} <= there
+    assert not any("__pycache__" in file.parts for file in there)
+
+
+@pytest.mark.thorough
 def test_a_foreign_package_on_the_path_is_named(command, crowded):
     done = subprocess.run(
         [command, "play"], env=environment(PYTHONPATH=str(crowded)), capture_output=True, text=True, check=False

@@ -23,9 +23,9 @@ AFTER = {"Nod when the doorbell rings": "Faces for a head of eight servos"}
 
 
 @pytest.fixture
-def kitchen(tmp_path, mocap_data):
+def kitchen(tmp_path):
     """The files that recipes start from."""
-    shutil.copy(mocap_data / "bvh/bandai/walk_normal_001.bvh", tmp_path / "walk.bvh")
+    shutil.copy(ROOT / "examples" / "walk.bvh", tmp_path / "walk.bvh")
     shutil.copytree(ROOT / "examples" / "head", tmp_path / "head")
     (tmp_path / "session.bvh").write_text(bvh_text(waving(30.0, 20.0)))
     (tmp_path / "doorbell").touch()
