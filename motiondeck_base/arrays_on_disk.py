@@ -28,7 +28,8 @@ def return_freed_arrays() -> None:
 def _allow_many_files() -> None:
     """Each array keeps its file open, and a library of some hundred motions has more than the usual 1024."""
     most = resource.getrlimit(resource.RLIMIT_NOFILE)[1]
-    resource.setrlimit(resource.RLIMIT_NOFILE, (most, most))
+    with suppress(ValueError, OSError):  # where the hard limit is more than the system allows
+        resource.setrlimit(resource.RLIMIT_NOFILE, (most, most))
 
 
 def on_disk(array: NDArray[Any]) -> NDArray[Any]:

@@ -84,13 +84,8 @@ class LimbDirections:
                 found[name][frame] = end - start
         return found
 
-    def errors(self, qpos: Array, limbs: Array) -> dict[str, tuple[float, float]]:
-        """Mean and worst angle to a human's limbs (T, 16, 3) by segment ("r_thigh"), degrees, for qpos (T, nq)."""
-        degrees = self.degrees(qpos, limbs)
-        return {s.name: (float(degrees[:, k].mean()), float(degrees[:, k].max())) for k, s in enumerate(self.segments)}
-
     def degrees(self, qpos: Array, limbs: Array) -> Array:
-        """The same for each frame and segment, shape (T, K), degrees."""
+        """Angles to a human's limbs (T, 16, 3) for qpos (T, nq) by frame and segment, shape (T, K), degrees."""
         return degrees_between(np.array([self(q) for q in qpos]), self.goals(limbs, qpos))
 
     def trunk_errors(self, qpos: Array, limbs: Array) -> Array:

@@ -31,7 +31,8 @@ def off(load):
         robot.place(robot.retarget(SEATED), SEATED, qpos)
     directions = LimbDirections(robot.model, load.file.parts, np.array(load.file.root_rotation))
     world = LimbView(human())(SEATED)[None]
-    return directions.errors(qpos[None], world)["r_thigh"][0], directions.trunk_errors(qpos[None], world)[0]
+    thigh = [segment.name for segment in directions.segments].index("r_thigh")
+    return directions.degrees(qpos[None], world)[0, thigh], directions.trunk_errors(qpos[None], world)[0]
 
 
 def test_a_waist_lets_the_pelvis_tilt_for_hips_that_end_and_a_rigid_trunk_shares(files, monkeypatch):
