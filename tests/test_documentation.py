@@ -1,6 +1,7 @@
 """The pages: what they link exists, docs/README.md links them all, and the source distribution holds what they show."""
 
 import re
+import runpy
 import shlex
 import statistics
 import subprocess
@@ -17,6 +18,7 @@ from motiondeck.cli.main import app
 
 ROOT = Path(__file__).parents[1]
 TUTORIALS = ["README", "installation", "first-motion", "first-robot", "first-rig", "from-a-script", "cookbook"]
+TUTORIALS += ["troubleshooting", "peers"]
 READ_FIRST = [*TUTORIALS, "commands", "page", "shows", "stage", "api", "falls"]
 PAGES = [ROOT / name for name in ("README.md", "CONTRIBUTING.md", "THIRD_PARTY_NOTICES.md", "CHANGELOG.md")]
 PAGES += sorted((ROOT / "docs").glob("*.md"))
@@ -95,6 +97,14 @@ def test_the_page_of_installation_names_every_extra_and_every_python_that_is_tes
     (tested,) = re.findall(r"python: \[(.*)\]", (ROOT / ".github/workflows/ci.yml").read_text())
     (first,) = re.findall(r"needs Linux and Python (.*?)\. ", page)
     assert re.findall(r"[\d.]+", first) == re.findall(r"[\d.]+", tested)
+
+
+def test_the_page_of_troubleshooting_has_the_messages_of_today():
+    """Made by its script, which refuses an entry whose words no message of the product has any more."""
+    script = runpy.run_path(str(ROOT / "docs" / "troubleshooting.py"))
+    assert (ROOT / "docs" / "troubleshooting.md").read_text(encoding="utf-8") == script["troubleshooting"]()
+    with pytest.raises(ValueError, match="no message"):
+        script["whole"]("the servo has a headache", list(script["messages"]()))
 
 
 def test_the_notices_name_every_shipped_library():

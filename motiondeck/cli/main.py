@@ -48,15 +48,9 @@ _UsageError: type[Exception] = typer.BadParameter.__bases__[0]
 
 # The panels of the help, and the module of each command; a group of commands is an app.
 _PANELS = {
-    "Play": {
-        "play": "play",
-        "send": "remote.send",
-        "events": "remote.send",
-        "replay": "replay",
-        "plot": "plot",
-        "examples": "examples",
-    },
+    "Play": {"play": "play", "send": "remote.send", "events": "remote.send", "replay": "replay", "plot": "plot"},
     "Learn": {
+        "examples": "examples",
         "learn": "learn",
         "clip": "clip.commands",
         "library": "library",
@@ -133,7 +127,8 @@ def options(
 
 def _refuse(error: Any) -> None:
     """Ends the program after a usage error, with one line and exit code 2."""
-    problem = printable(error.format_message()).replace("Value error, ", "").replace("a valid float", "a number")
+    problem = printable(error.format_message()).replace("Value error, ", "")
+    problem = problem.replace("a valid float", "a number").replace("a valid int", "a whole number")
     if problem:  # else the help has been printed
         command = error.ctx.command_path if error.ctx is not None else "motiondeck"
         end = "" if problem.endswith(("?", ".")) else "."

@@ -206,6 +206,7 @@ def test_a_mistake_ends_in_one_clear_line(arguments, says):
         (("robot", "check", "servo20", ".", "--solver", "magic"), "'magic' is not one of 'angles', 'ik'"),
         (("play", "--seconds", "x"), "'--seconds'"),
         (("play", "--rate", "fast"), "'fast' is not a number"),
+        (("play", "--port", "x"), "'x' is not a whole number"),
         (("rig", "doctor", "servo20", "--fast"), "--fast"),
         (("send", "status", "--jsn"), "there is no option --jsn"),
     ],
