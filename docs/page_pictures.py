@@ -164,6 +164,20 @@ def _playing(setting: Setting) -> Shots:
     yield from setting.shots()
 
 
+def _past(setting: Setting) -> Shots:
+    send(Switch("waltz"))
+    time.sleep(10.0)
+    send(Switch("walk"))
+    page = setting.open("")
+    time.sleep(8.0)
+    bar = page.locator(".timeline-strip .bar").bounding_box()
+    page.mouse.click(bar["x"] + (1.0 - 12.0 / 180.0) * bar["width"], bar["y"] + 0.5 * bar["height"])
+    page.get_by_role("button", name="back to now").wait_for()
+    page.wait_for_function("!document.querySelector('.mantine-Notification-root')")
+    yield "", page
+    page.close()
+
+
 def _knee(page: Any) -> None:
     page.get_by_role("button", name="l_knee").click()
     page.locator('.servo-card.warn[aria-label*="hot"]').scroll_into_view_if_needed()
@@ -327,6 +341,7 @@ def _ended(setting: Setting) -> Shots:
 
 SCENES: dict[str, Callable[[Setting], Shots]] = {
     "playing": _playing,
+    "past": _past,
     "network": _network,
     "hot-servo": _hot_servo,
     "registers": _registers,

@@ -6,22 +6,20 @@ import mujoco
 import numpy as np
 import viser
 
-from controller.motion.skeleton import Pose
 from controller.wire.command_socket import CommandClient
 from controller.wire.messages.replies import Event
+from motiondeck.page.bodies import Bodies
 from motiondeck.page.body.body_push import BodyPush
-from motiondeck.page.body.drawn_model import DrawnModel
-from motiondeck.page.body.live_marks import LiveForces, LiveSteps, TargetPose
-from motiondeck.page.ghost import Ghost
+from motiondeck.page.body.live_marks import LiveForces, LiveSteps
 from motiondeck.page.learning.hand_recorder import HandRecorder
 from motiondeck.page.learning.learn_panel import LearnPanel
 from motiondeck.page.network.network_view import NetworkView
 from motiondeck.page.panel import Panel
+from motiondeck.page.past import CALLS_BACK, Past
 from motiondeck.page.rig.rig_panel import RigPanel
 from motiondeck.page.rig.servo_look import JointGlow
 from motiondeck.page.rig.servo_tables import query_through
-from motiondeck.page.scene import Follower, Scene
-from motiondeck.page.timeline import Timeline
+from motiondeck.page.scene import Follower
 from motiondeck.page.web.page_state import PageDescription, Picture
 from motiondeck.page.web.private_page import PrivatePage
 from motiondeck.page.web.state_line import shown_motions
@@ -29,7 +27,6 @@ from motiondeck_base.errors import FileFormatError
 from sim.models.formats.urdf_visuals import with_visuals
 
 HEALTH_PER_SECOND = 4.0
-BESIDE = 0.6  # of the robot's height: so far aside a follower, or the human, is drawn
 LONGEST_STEP = 0.1  # s that pass for the camera between two pictures, however late the second is
 SIDE_WIDTH = 340  # pixels
 
@@ -39,21 +36,12 @@ class DeckView:
 
     def __init__(self, page: PrivatePage, about: PageDescription, commands: CommandClient, dropped: Path) -> None:
         self._page = page
-        model = _model(about.model_file)
-        self._scene = Scene(page, model)
-        height = self._scene.height
-        self._follower = self._ghost = None
-        if about.follower_file:
-            self._follower = DrawnModel(page, _model(about.follower_file), height, " follower")
-        if about.human is not None:
-            human = _model(about.human.file)
-            # The follower stands to the right of the robot, on the side that the panel does not cover.
-            aside = (BESIDE if self._follower is not None else -BESIDE) * height
-            self._ghost = Ghost(DrawnModel(page, human, height, " human"), human, about.human, aside)
+        self._bodies = Bodies.of(page, about, _model)
+        self._scene = self._bodies.scene
+        height, model = self._scene.height, self._scene.robot.model
         self._steps = LiveSteps(page, model, np.array(about.rest) if about.rest else model.qpos0, height)
         self._forces = LiveForces(page, about.weight, height) if about.weight else None
-        self._target = TargetPose(page, lambda: _model(about.model_file), height) if "target" in about.shapes else None
-        self._panel = Panel(page, about, commands, look_from=self._scene.look_from)
+        self._panel = Panel(page, about, commands, look_from=self._scene.look_from, before=self._call_back)
         self._network = None
         if about.has_network and about.library_file:
             self._network = NetworkView(page, self._panel.parts, Path(about.library_file), height)
@@ -80,17 +68,18 @@ class DeckView:
                 learning = LearnPanel(self._page, parts, about.learn, Path(about.library_file), dropped, ask)
                 if rig is not None:
                     self._hands = HandRecorder(self._page, parts, rig, dropped, ask, self._panel.send, learning.look_at)
-        self._timeline = Timeline(parts)
+        self._past = Past(parts, self._bodies)
         if side is not None:
             side.dock_left()
             side.set_width(SIDE_WIDTH)
             side.expand()  # on a phone it stands below the rest, closed at first otherwise
 
     def show(self, latest: Picture, now: float) -> None:
-        """Draws a picture at a time, s; or, while a browser looks back, what was shown then."""
-        self._timeline.keep(latest, shown_motions(latest.snapshot), now)
-        if self._page.get_clients():  # drawing without a browser costs as much
-            self._draw(self._timeline.chosen(latest), latest, min(now - self._last_picture, LONGEST_STEP))
+        """Draws a picture at a time, s, and for browsers that look back what was shown then."""
+        self._past.timeline.keep(latest, shown_motions(latest.snapshot), now)
+        if clients := self._page.get_clients():  # drawing without a browser costs as much
+            self._draw(latest, min(now - self._last_picture, LONGEST_STEP))
+            self._past.show(clients, self._panel.view.now, self._centre, now)
         self._last_picture = now
         servos = latest.servos
         if self._hands is not None and servos is not None:
@@ -99,32 +88,23 @@ class DeckView:
             return
         self._last_health = now
         self._panel.show(latest.snapshot)
-        self._timeline.show()
+        self._past.timeline.show()
         if self._hands is not None:
             self._hands.show()
         if self._rig is not None and self._glow is not None and servos is not None:
             self._glow.mark(self._rig.show(servos, now), self._scene.data, self._centre)
 
-    def _draw(self, chosen: Picture, latest: Picture, dt: float) -> None:
-        """Draws the bodies of one picture, and the network and the rig as they are now, dt seconds after the last."""
-        view, bodies = self._panel.view.now, chosen.arrays
+    def _draw(self, latest: Picture, dt: float) -> None:
+        """Draws a picture, dt seconds after the last."""
+        view, bodies = self._panel.view.now, latest.arrays
         if view.follows:
             self._centre = self._camera.follow(bodies.qpos[:2], dt)
         centre = self._centre
         with self._page.atomic():  # one message for all of it
-            self._scene.show(bodies.qpos, centre)
-            if self._follower is not None and bodies.follower is not None:
-                qpos = bodies.follower.copy()
-                qpos[:2] = bodies.qpos[:2] - [0.0, BESIDE * self._scene.height]
-                self._follower.show(qpos, centre)
-            if self._ghost is not None and bodies.human_root is not None and bodies.human_rotation is not None:
-                pose = Pose(bodies.human_root, np.zeros(()), bodies.human_rotation, offsets=bodies.human_offsets)
-                self._ghost.show(view.human, pose, bodies.qpos[:2], centre)
-            if self._target is not None and bodies.target is not None:
-                self._target.show(bodies.target, centre, visible=view.target)
+            self._bodies.show(bodies, view, centre)
             if self._network is not None:
-                state, activation = latest.snapshot, latest.arrays.activation
-                self._network.show(activation, state.playing, state.phase, visible=view.network)
+                state = latest.snapshot
+                self._network.show(bodies.activation, state.playing, state.phase, visible=view.network)
             self._steps.show(self._scene.data, centre, dt, visible=view.steps)
             if self._forces is not None and bodies.contacts is not None:
                 self._forces.show(bodies.contacts, centre, visible=view.forces)
@@ -141,13 +121,20 @@ class DeckView:
         if self._hands is not None and picture.servos is not None:
             self._hands.record(picture.snapshot.run_s, picture.servos)
 
+    def _call_back(self) -> None:
+        self._past.call_back()
+
     def show_event(self, event: Event) -> None:
         """Shows an event of the deck."""
+        if event.kind in CALLS_BACK:
+            self._past.call_back()
         self._panel.show_event(event)
-        self._timeline.mark(event)
+        self._past.timeline.mark(event)
 
     def end(self, reason: str) -> None:
         """Shows that the run has ended, and why."""
+        self._past.call_back()
+        self._past.show(self._page.get_clients(), self._panel.view.now, self._centre, 0.0)
         self._panel.end(reason)
 
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Self
 
-import mujoco
 import numpy as np
 
 from controller.motion.canonical.canonical_body import root_height
@@ -17,6 +17,8 @@ from motiondeck.page.web.page_state import GhostDescription
 from sim.models.mannequin.mannequin import ROOT_BODY, build_mannequin, fit_mannequin
 
 if TYPE_CHECKING:  # the deck writes the model; only its page draws
+    import viser
+
     from motiondeck.page.body.drawn_model import DrawnModel
 
 OPACITY = 0.4
@@ -36,9 +38,10 @@ def draw_ghost(skeleton: Skeleton, scale: float, file: Path) -> GhostDescription
 class Ghost:
     """Turns published poses into the coordinates of that model, and shows them."""
 
-    def __init__(self, drawn: DrawnModel, model: mujoco.MjModel, about: GhostDescription, aside: float) -> None:
+    def __init__(self, drawn: DrawnModel, about: GhostDescription, aside: float) -> None:
         """Reads what `draw_ghost` returned; beside the robot it is `aside`, m, to the left of it."""
-        self._drawn, self._model, self._scale, self._aside = drawn, model, about.scale, aside
+        self._drawn, self._scale, self._aside = drawn, about.scale, aside
+        model = drawn.model
         self._skeleton = self._own = Skeleton.restore(about.skeleton)
         self._offsets = self._skeleton.offsets
         self._parent = self._skeleton.parent + 1
@@ -46,6 +49,12 @@ class Ghost:
         self._turns = model.jnt_qposadr[joints][:, None] + np.arange(4)
         self._root = int(model.jnt_qposadr[model.body(ROOT_BODY).jntadr[0]])
         self._qpos = model.qpos0.copy()
+
+    def twin(self, client: viser.ClientHandle) -> Self:
+        """The same for one browser, which sees it in place of this one."""
+        twin = copy(self)
+        twin._drawn, twin._qpos = self._drawn.twin(client), self._qpos.copy()
+        return twin
 
     def show(self, way: str, pose: Pose, beneath: Array, centre: Array) -> None:
         """Draws a pose in one of WAYS, on the body of its offsets, at the robot's root (2,), m, whatever its own path.
@@ -60,7 +69,7 @@ class Ghost:
         if pose.offsets is not None and pose.offsets.any() and not np.array_equal(pose.offsets, self._offsets):
             self._offsets = pose.offsets.copy()
             self._own = self._skeleton.with_offsets(pose.offsets)
-            fit_mannequin(self._model, self._skeleton.with_offsets(self._scale * pose.offsets))
+            fit_mannequin(self._drawn.model, self._skeleton.with_offsets(self._scale * pose.offsets))
             self._drawn.take_sizes()
         turns = pose.rotation
         self._qpos[self._root + 2] = self._scale * root_height(pose, self._skeleton, self._own)

@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable
 from functools import partial
-from typing import Any, NamedTuple, cast
+from typing import Any, cast
 
 import viser
 
@@ -14,6 +14,7 @@ from controller.wire.messages.command_table import BY_WORD
 from controller.wire.messages.commands import SIDES, DeckCommand, Side
 from controller.wire.messages.deck_snapshot import DeckSnapshot
 from controller.wire.messages.replies import Event, Refused
+from motiondeck.page.bodies import View
 from motiondeck.page.figures import loop_figures, recognition_text
 from motiondeck.page.ghost import WAYS
 from motiondeck.page.motions.motion_controls import MotionControls
@@ -28,17 +29,6 @@ from motiondeck_base.errors import MotiondeckError
 TARGET = "The pose that the servos are to reach, translucent"
 FORCES = "Of the floor on the body; an arrow half as long as the robot is its weight"
 NETWORK = "The orbits of its neurons, in the three directions that show most"
-
-
-class View(NamedTuple):
-    """What is drawn besides the robot, and how."""
-
-    human: str  # where
-    target: bool  # the pose that the servos are to reach
-    network: bool
-    steps: bool  # prints and contacts of the feet
-    forces: bool  # of the floor on the body
-    follows: bool  # whether the camera follows the robot
 
 
 class ViewChoices:
@@ -132,8 +122,10 @@ class Panel:
         commands: CommandClient,
         *,
         look_from: Callable[[viser.ClientHandle, str], None],
+        before: Callable[[], None] = lambda: None,
     ) -> None:
-        self._page, self._commands = page, commands
+        """Puts them on a page; `before` is called before each command."""
+        self._page, self._commands, self._before = page, commands, before
         self._motions, self._unrecognized = about.motions, about.unrecognized
         self._state = DeckSnapshot(motion="")
         self._moved = 0.0  # when a hand was on the tempo, s
@@ -302,6 +294,7 @@ class Panel:
 
     def send(self, message: DeckCommand) -> None:
         """Sends a command and shows a refusal on the page; an emergency stop waits for no other command."""
+        self._before()
         try:
             reply = self._commands.request(message, timeout_s=ANSWER_WITHIN)
             refusal = reply.reason if isinstance(reply, Refused) else ""

@@ -1,5 +1,8 @@
 """The scene of the page: the robot, its shadow and the floor it walks on."""
 
+from copy import copy
+from typing import Self
+
 import mujoco
 import numpy as np
 import viser
@@ -55,7 +58,7 @@ class Scene:
     """A robot on a page, with a camera that moves along."""
 
     def __init__(self, page: PrivatePage, model: mujoco.MjModel) -> None:
-        self._page = page
+        self._page: PrivatePage | viser.ClientHandle = page
         self.height = height = body_height(model)  # m
         self._cell = 0.25 if height < 1.0 else 1.0
         scene = page.scene
@@ -83,6 +86,13 @@ class Scene:
         def _(client: viser.ClientHandle) -> None:
             if client.camera.aspect < PHONE:
                 self.look_from(client, USUAL)
+
+    def twin(self, client: viser.ClientHandle) -> Self:
+        """The robot on its floor for one browser, which sees it in place of this one."""
+        twin = copy(self)
+        twin._page, twin.robot = client, self.robot.twin(client)
+        twin._floor = client.scene.add_frame("/floor", show_axes=False)
+        return twin
 
     def _camera(self, way: str, heading: float = 0.0) -> tuple[Array, Array]:
         """Where a camera stands and what it looks at, m, for a robot that faces a heading, rad."""

@@ -1,16 +1,13 @@
-"""The timeline of the page: motions and events of the last minutes, and pictures of a chosen moment."""
+"""The timeline of the page: motions and events of the last minutes, and the pictures of them."""
 
 from bisect import bisect_left
 from collections import deque
 from itertools import pairwise
 from operator import itemgetter
-from typing import Any
-
-import viser
 
 from controller.wire.messages.replies import Event
 from motiondeck.page.web.page_state import Picture
-from motiondeck.page.web.parts import PageParts
+from motiondeck.page.web.parts import Heard, PageParts
 
 SECONDS = 180.0
 PICTURE_EVERY, DRAWN_EVERY = 0.1, 1.0  # s
@@ -19,14 +16,13 @@ MARKED = (*BAD, "mode", "paused", "resumed", "servo", "push", "stands")
 
 
 class Timeline:
-    """Keeps pictures and returns that of a chosen past moment; it is the same in every browser of the page."""
+    """Keeps pictures and returns that of a past moment; the strip is the same in every browser of the page."""
 
-    def __init__(self, parts: PageParts) -> None:
-        self._part = parts.add("timeline", "timeline", heard=self._asked)
+    def __init__(self, parts: PageParts, heard: Heard) -> None:
+        self._part = parts.add("timeline", "timeline", heard=heard)
         self._pictures: deque[tuple[float, Picture]] = deque()
         self._runs: deque[tuple[float, str]] = deque()  # when each began
         self._marks: deque[tuple[float, str, str]] = deque()
-        self._moment: float | None = None
         self._now = 0.0
         self._drawn = -DRAWN_EVERY
 
@@ -49,12 +45,10 @@ class Timeline:
         if event.kind in MARKED:
             self._marks.append((self._now, "bad" if event.kind in BAD else "", f"{event.kind}: {event.text}"))
 
-    def chosen(self, latest: Picture) -> Picture:
-        """The picture to draw: the latest, or the one of the chosen moment."""
-        if self._moment is None or not self._pictures:
-            return latest
-        place = bisect_left(self._pictures, self._moment, key=itemgetter(0))
-        return self._pictures[min(place, len(self._pictures) - 1)][1]
+    def at(self, back: float) -> tuple[float, Picture]:
+        """What was shown some seconds ago, with its time, s; of what is no longer kept, the oldest."""
+        place = bisect_left(self._pictures, self._now - back, key=itemgetter(0))
+        return self._pictures[min(place, len(self._pictures) - 1)]
 
     def show(self) -> None:
         """Draws the strip, at most once in DRAWN_EVERY seconds."""
@@ -67,11 +61,4 @@ class Timeline:
             for (begins, name), (ends, _) in pairwise(starts)
         ]
         marks = [[round(at - now, 1), kind, text] for at, kind, text in self._marks]
-        back = 0.0 if self._moment is None else round(min(now - self._moment, SECONDS), 1)
-        self._part.show({"seconds": SECONDS, "runs": runs, "marks": marks, "back": back})
-
-    def _asked(self, said: Any, event: viser.GuiEvent) -> None:
-        match said:
-            case {"back": float(back) | int(back)}:
-                self._moment = self._now - min(float(back), SECONDS) if back > 0.0 else None
-                self._drawn = -DRAWN_EVERY
+        self._part.show({"seconds": SECONDS, "runs": runs, "marks": marks})

@@ -1,5 +1,8 @@
 """A drawn model: the solids of one robot or human on a page, with their shadow on the floor."""
 
+from copy import copy
+from typing import Self
+
 import mujoco
 import numpy as np
 import viser
@@ -18,18 +21,29 @@ class DrawnModel:
 
     def __init__(self, page: PrivatePage, model: mujoco.MjModel, height: float, name: str = "") -> None:
         """Puts it on the page in its initial pose; the height, m, is that of the robot that the scene is made for."""
-        self._page, self._model = page, model
-        self.data = mujoco.MjData(model)  # MuJoCo's state of what was shown last
-        found = batches(model)
+        self._page, self.model, self._height, self._name = page, model, height, name
+        self._found = found = batches(model)
         # Where all copies are is found at once; of each shape it is a part of that.
         self._geom = np.array([geom for batch in found.values() for geom in batch.geom], dtype=np.int64)
         self._offset = np.concatenate([np.empty((0, 3)), *(batch.offset for batch in found.values())])
         ends = np.cumsum([len(batch.geom) for batch in found.values()])
         self._parts = [slice(end - len(batch.geom), end) for end, batch in zip(ends, found.values(), strict=True)]
+        self._add_to(page.scene)
+
+    def twin(self, client: viser.ClientHandle) -> Self:
+        """A copy for one browser, which sees it in place of this one; its sizes change apart."""
+        twin = copy(self)
+        twin.model = copy(self.model)
+        twin._add_to(client.scene)
+        return twin
+
+    def _add_to(self, scene: viser.SceneApi) -> None:
+        height, name = self._height, self._name
+        self.data = mujoco.MjData(self.model)  # MuJoCo's state of what was shown last
         self._handles: list[tuple[viser.BatchedMeshHandle, viser.BatchedMeshHandle]] = []  # each with its shadow
-        mujoco.mj_kinematics(model, self.data)
-        self._placed = poses(model, self.data, self._geom, self._offset)
-        for (shape, batch), part in zip(found.items(), self._parts, strict=True):
+        mujoco.mj_kinematics(self.model, self.data)
+        self._placed = poses(self.model, self.data, self._geom, self._offset)
+        for (shape, batch), part in zip(self._found.items(), self._parts, strict=True):
             position, orientation = (of_all[part] for of_all in self._placed)
             # The same solids, flattened, are their own shadow: there is no shadow map for a slow computer to filter.
             looks = (
@@ -37,7 +51,7 @@ class DrawnModel:
                 ("shadow", batch.shadow, SHADOW, 1e-3, 0.002 * height, 0.5),
             )
             solid, shadow = (
-                page.scene.add_batched_meshes_simple(
+                scene.add_batched_meshes_simple(
                     f"/{look}{name}/{shape}",
                     *mesh,
                     batched_wxyzs=orientation,
@@ -65,9 +79,9 @@ class DrawnModel:
     def show(self, qpos: Array, centre: Array) -> None:
         """Draws it at qpos (nq,), as seen by someone at the centre (2,), m."""
         self.data.qpos[:] = qpos
-        mujoco.mj_kinematics(self._model, self.data)
+        mujoco.mj_kinematics(self.model, self.data)
         self.set_visible(True)
-        position, orientation = poses(self._model, self.data, self._geom, self._offset)
+        position, orientation = poses(self.model, self.data, self._geom, self._offset)
         position[:, :2] -= centre
         position, orientation = position.astype(np.float32), orientation.astype(np.float32)
         if all(map(np.array_equal, (position, orientation), self._placed)):
@@ -79,9 +93,9 @@ class DrawnModel:
 
     def take_sizes(self) -> None:
         """Draws the solids in the sizes that the model has now."""
-        found = batches(self._model)
-        self._offset = np.concatenate([batch.offset for batch in found.values()])
-        for handles, batch in zip(self._handles, found.values(), strict=True):
+        self._found = batches(self.model)
+        self._offset = np.concatenate([batch.offset for batch in self._found.values()])
+        for handles, batch in zip(self._handles, self._found.values(), strict=True):
             for handle in handles:
                 handle.batched_scales = batch.scale.astype(np.float32)
 

@@ -62,7 +62,7 @@ class PrivatePage(viser.ViserServer):
         # Set one by one, these properties would be two messages, each of which costs again for every browser.
         places = {"batched_positions": position, "batched_wxyzs": turn}
         vars(copies._impl.props).update(places)
-        self.scene._queue_scene_message(viser._messages.SceneNodeUpdateMessage(copies.name, places))
+        copies._impl.api._queue_scene_message(viser._messages.SceneNodeUpdateMessage(copies.name, places))
 
     @property
     def address(self) -> str:

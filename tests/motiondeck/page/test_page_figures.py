@@ -21,8 +21,8 @@ from simulated_bodies import ROBOTS, bent_pose, human
 class Drawn:
     """Stands in for a drawn model and remembers where it was put."""
 
-    def __init__(self):
-        self.qpos = None
+    def __init__(self, model):
+        self.model, self.qpos = model, None
 
     def show(self, qpos, centre):
         self.qpos = qpos.copy()
@@ -36,9 +36,9 @@ def test_the_human_is_drawn_in_the_pose_that_is_played(tmp_path):
     about = draw_ghost(skeleton, 0.4, tmp_path / "human.xml")
     model = mujoco.MjModel.from_xml_path(about.file)
     assert np.unique(model.mat_rgba[model.geom_matid[model.geom_bodyid > 0], 3]) == pytest.approx([OPACITY])
-    drawn: Any = Drawn()
+    drawn: Any = Drawn(model)
     pose = bent_pose(skeleton, rkne=(0.0, -0.7, 0.2), lelb=(0.3, 0.0, -0.5))
-    ghost = Ghost(drawn, model, about, -0.3)
+    ghost = Ghost(drawn, about, -0.3)
     beneath = np.array([2.0, 1.0])
     for way, aside in ((WAYS[1], 0.0), (WAYS[2], -0.3)):
         ghost.show(way, pose, beneath, np.zeros(2))
@@ -61,7 +61,7 @@ def test_the_human_is_drawn_on_the_body_of_its_motion(tmp_path):
     pose = bent_pose(skeleton, rkne=(0.0, -0.7, 0.2), lelb=(0.3, 0.0, -0.5))
     own = skeleton.with_offsets(skeleton.offsets * np.linspace(0.8, 1.2, len(skeleton))[:, None])
     drawn = DrawnModel(cast(Any, Floor()), model, 1.0)
-    Ghost(drawn, model, about, -0.3).show(WAYS[1], replace(pose, offsets=own.offsets), np.zeros(2), np.zeros(2))
+    Ghost(drawn, about, -0.3).show(WAYS[1], replace(pose, offsets=own.offsets), np.zeros(2), np.zeros(2))
     joints = own.joints(np.array([0.0, 0.0, root_height(pose, skeleton, own)]), pose.rotation)
     for bone, name in enumerate(skeleton.bones):
         start = joints[skeleton.parent[bone] + 1]

@@ -69,6 +69,7 @@ class FakeDeck:
         self.server = CommandServer(0)
         self.received, self.subscribers, self.news = [], [], []
         self.stride = 0.0  # m a tick
+        self.lift = 0.0  # m, of the root above where it stands
         self._qpos = model.qpos0.copy()
         self._over = threading.Event()
         self._thread = threading.Thread(target=self._play)
@@ -91,7 +92,7 @@ class FakeDeck:
                 health=TickHealth(work_p50_us=412.0),
             )
             self.writer.values[: self.numbers.count] = self.numbers.row(snapshot)
-            self.writer.publish(qpos=self._qpos)
+            self.writer.publish(qpos=self._qpos + self.lift * (np.arange(len(self._qpos)) == 2))
             for message, sender in self.server.poll():
                 self.received.append(message)
                 if isinstance(message, Subscribe):
@@ -286,6 +287,80 @@ def test_the_page_shows_the_figure_and_its_buttons_command_the_deck(deck, browse
         assert viewer.stdout.read() == b""
     finally:
         page.close()
+        viewer.kill()
+        viewer.wait()
+        viewer.stdout.close()
+
+
+def height_shown(page):
+    """How far up the figure is in the scene, as a share of it; None if it is not in sight."""
+    picture = page.locator("canvas").first.screenshot()
+    pixels = np.asarray(Image.open(io.BytesIO(picture)).convert("RGB"), dtype=int)[60:-60, 10:-10]
+    rows, _ = np.nonzero((np.ptp(pixels, axis=2) > 50) | (pixels.max(axis=2) < 90))
+    return 1.0 - float(rows.mean()) / len(pixels) if len(rows) > IN_VIEW * pixels.size / 3 else None
+
+
+@pytest.mark.thorough
+def test_each_browser_looks_back_alone_and_is_called_back_by_what_happens(deck, browser):
+    port = free_port()
+    viewer = start(deck, port)
+    pages = []
+
+    def open_page():
+        page = browser.new_page(viewport={"width": 940, "height": 500})
+        page.set_default_timeout(1000.0 * PATIENCE)
+        page.goto(coarse(f"http://127.0.0.1:{port}"))
+        page.locator("#state-line").wait_for()
+        page.locator(".timeline-strip .run").first.wait_for()
+        pages.append(page)
+        return page
+
+    def looks_back(page):
+        bar = page.locator(".timeline-strip .bar").bounding_box()
+        page.mouse.click(bar["x"] + 0.6 * bar["width"], bar["y"] + 0.5 * bar["height"])  # before the first picture
+        page.locator(".past-frame").wait_for()
+
+    def is_high(page):
+        page.wait_for_timeout(200)
+        height = height_shown(page)
+        return height is not None and height > 0.55
+
+    def is_low(page):
+        page.wait_for_timeout(200)
+        height = height_shown(page)
+        return height is not None and height < 0.5
+
+    try:
+        until(lambda: reachable(port), "the page")
+        one, other = open_page(), open_page()
+        for page in (one, other):
+            until(lambda page=page: is_low(page), "the figure on the floor")
+        until(lambda: deck.subscribers, "the page's wish for events")
+        deck.lift = 0.35
+        for page in (one, other):
+            until(lambda page=page: is_high(page), "the figure that was lifted")
+        called_back = (
+            lambda: deck.news.append(Event("fault", "rig: knee is hot", "walk", 3.0, 1)),
+            lambda: deck.news.append(Event("mode", "emergency stop", "walk", 4.0, 2)),
+            lambda: other.keyboard.press("2"),
+            lambda: one.get_by_role("button", name="back to now").click(),
+        )
+        for call in called_back:
+            one.wait_for_timeout(1000)
+            looks_back(one)
+            until(lambda: is_low(one), "the past")
+            assert is_high(other)
+            assert not other.locator(".past-frame").is_visible()
+            if call is called_back[0]:  # who comes later sees what happens now
+                until(lambda: is_high(open_page()), "the present")
+                pages.pop().close()
+                assert is_low(one)
+            call()
+            one.locator(".past-frame").wait_for(state="hidden")
+            until(lambda: is_high(one), "the present")
+    finally:
+        for page in pages:
+            page.close()
         viewer.kill()
         viewer.wait()
         viewer.stdout.close()

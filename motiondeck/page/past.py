@@ -1,0 +1,83 @@
+"""Looking back: a browser sees a moment of the last minutes, and all others what happens now."""
+
+import time
+from collections.abc import Mapping
+from typing import Any
+
+import viser
+
+from controller.motion.rotations import Array
+from motiondeck.page.bodies import Bodies, View
+from motiondeck.page.timeline import SECONDS, Timeline
+from motiondeck.page.web.page_state import Picture
+from motiondeck.page.web.parts import PageParts, Part
+
+# Events after which every browser sees what happens now; the others are routine.
+CALLS_BACK = {"motion", "gave up", "paused", "resumed", "mode", "fault", "servo", "layer", "push", "fell", "lost"}
+HELD_OFF = 0.5  # s after that in which no browser looks back: a hand that drags still sends something
+NOW_ALONE = ("/glow", "/steps", "/forces", "/network")  # drawn of the present only
+BODIES = [f"/{look}{whose}" for look in ("robot", "shadow") for whose in ("", " follower", " human", " target")]
+
+
+class Past:
+    """The browsers that look back, each at another moment; all others see `bodies`."""
+
+    def __init__(self, parts: PageParts, bodies: Bodies) -> None:
+        self.timeline, self._bodies = Timeline(parts, self._hear), bodies
+        parts.add("past", "past", heard=self._hear)
+        self._asked: dict[int, tuple[float, float]] = {}  # by browser: when, and to see how far back, s
+        self._moments: dict[int, tuple[float, Picture]] = {}
+        self._drawn: dict[int, tuple[Bodies, View, Picture]] = {}
+        self._frames: dict[int, Part] = {}
+        self._called = -HELD_OFF
+
+    def _hear(self, said: Any, event: viser.GuiEvent) -> None:
+        match said:
+            case {"back": float(back) | int(back)} if event.client_id is not None:
+                self._asked[event.client_id] = time.monotonic(), back
+
+    def call_back(self) -> None:
+        """Has every browser see what happens now."""
+        self._called = time.monotonic()
+        self._moments.clear()
+
+    def show(self, clients: Mapping[int, viser.ClientHandle], view: View, centre: Array, now: float) -> None:
+        """Brings each browser to its moment, or to now, a time, s; the centre (2,), m, is that of a view that stays."""
+        asked, self._asked = self._asked, {}
+        for number, (at, back) in asked.items():
+            if back <= 0.0:
+                self._moments.pop(number, None)
+            elif at - self._called > HELD_OFF:
+                self._moments[number] = self.timeline.at(back)
+        for number in {*self._frames} - {*clients}:
+            for kept in (self._moments, self._drawn, self._frames):
+                kept.pop(number, None)
+        for number, client in clients.items():
+            if (look := self._moments.get(number)) is not None:
+                moment, picture = look
+                self._draw(client, picture, view, picture.arrays.qpos[:2] if view.follows else centre)
+                if number not in self._frames:
+                    self._frames[number] = Part("past", client.gui.add_html(""))
+                self._frames[number].show({"back": max(round(now - moment), 1), "seconds": SECONDS})
+            elif self._drawn.pop(number, None) is not None:
+                _clear(client)
+                self._frames[number].show({"back": 0, "seconds": SECONDS})
+
+    def _draw(self, client: viser.ClientHandle, picture: Picture, view: View, centre: Array) -> None:
+        bodies, *before = self._drawn.get(client.client_id, (self._bodies, None, None))
+        if before[0] == view and before[1] is picture:  # two pictures hold arrays, which do not compare
+            return
+        with client.atomic():
+            if before[0] != view:
+                _clear(client)
+                bodies = self._bodies.twin(client)
+                for name in NOW_ALONE:
+                    client.scene.add_frame(name, show_axes=False, visible=False)
+            bodies.show(picture.arrays, view, centre)
+        self._drawn[client.client_id] = bodies, view, picture
+
+
+def _clear(client: viser.ClientHandle) -> None:
+    """Removes what this browser sees in place of the others' bodies."""
+    for name in (*BODIES, *NOW_ALONE, "/floor"):
+        client.scene.remove_by_name(name)
