@@ -2,7 +2,7 @@
 
 The pages are Markdown that GitHub shows too, so what only the site needs is added while they are read: the tree of
 pages (from the doors and lists of README.md), the references of commands (from the command line) and of the API (from
-docstrings).
+docstrings, a page a noun in reference/).
 """
 
 from __future__ import annotations
@@ -24,7 +24,10 @@ project = "Motiondeck"
 release = version = version_of("motiondeck")
 root_doc = "README"
 source_suffix = {".md": "markdown"}
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx_copybutton"]
+copybutton_selector = (
+    "div.highlight-sh pre, div.highlight-python pre, div.highlight-toml pre, div.highlight-default pre"
+)
 myst_heading_anchors = 4
 myst_enable_extensions = ["colon_fence"]
 autodoc_typehints = "signature"
@@ -37,6 +40,20 @@ exclude_patterns = ["_build"]
 
 LIST = re.compile(r"^(\w[\w ]+):\n\n((?:- .*\n)+)", re.M)
 LINK = re.compile(r"\]\(([\w-]+)\.md\)")
+PAGE_OF = {
+    "live": "deck",
+    "own_loop": "deck",
+    "libraries": "library",
+    "recordings": "recording",
+    "robots": "robot",
+    "rigs": "rig",
+    "recognition": "recognizer",
+    "errors": "errors",
+    "networks": "networks",
+    "reservoirs": "reservoirs",
+    "centralized": "centralized",
+}
+REFERENCE = re.compile(r"\]\((reference/[\w-]+)\.md\)")
 OUTSIDE = re.compile(r"\[([^\]]*)\]\(\.\./[^)]*\)")
 
 
@@ -62,26 +79,36 @@ def add_what_the_site_needs(app: Any, page: str, source: list[str]) -> None:
     if page == "command-reference":
         text += command_reference()
     if page == "api-reference":
-        text += api_reference()
+        text += "\n```{toctree}\n:hidden:\n\n" + "\n".join(REFERENCE.findall(text)) + "\n```\n"
+    if page.startswith("reference/"):
+        text += api_reference(page.partition("/")[2])
     source[0] = OUTSIDE.sub(r"\1", text)
 
 
-def api_reference() -> str:
-    """Markdown that has autodoc write down each public name."""
+def api_reference(noun: str) -> str:
+    """Markdown that has autodoc write down each public name of a noun, as `nouns` has them."""
+    parts: list[str] = []
+    for name in nouns()[noun]:
+        found: Any = getattr(sys.modules[name.rpartition(".")[0]], name.rpartition(".")[2])
+        kind = "class" if isclass(found) else "function" if callable(found) else "data"
+        members = "\n   :members:" if isclass(found) and not issubclass(found, BaseException) else ""
+        parts.append(f"\n```{{eval-rst}}\n.. auto{kind}:: {name}{members}\n```\n")
+    return "\n".join(parts)
+
+
+def nouns() -> dict[str, list[str]]:
+    """The public names by the page of reference/ that describes them, which follows from the module they come from."""
     import motiondeck
     import motiondeck.networks
 
-    parts: list[str] = []
-    for module, names in (("motiondeck", motiondeck.__all__), ("motiondeck.networks", motiondeck.networks.__all__)):
-        parts.append(f"\n## `{module}`\n")
-        for name in names:
-            if name == "networks":
-                continue
-            found: Any = getattr(sys.modules[module], name)
-            kind = "class" if isclass(found) else "function" if callable(found) else "data"
-            members = "\n   :members:" if isclass(found) and not issubclass(found, BaseException) else ""
-            parts.append(f"```{{eval-rst}}\n.. auto{kind}:: {module}.{name}{members}\n```\n")
-    return "\n".join(parts)
+    pages: dict[str, list[str]] = {page: [] for page in dict.fromkeys(PAGE_OF.values())}
+    for home, names in motiondeck._HOMES.items():
+        pages[PAGE_OF[home.rpartition(".")[2]]] += [f"motiondeck.{name}" for name in names.split()]
+    for name in motiondeck.networks.__all__:
+        home = getattr(getattr(motiondeck.networks, name), "__module__", "controller.networks.reservoirs").split(".")
+        page = next((part for part in ("reservoirs", "centralized") if part in home), "networks")
+        pages[page].append(f"motiondeck.networks.{name}")
+    return pages
 
 
 def escape_docstring(app: Any, what: str, name: str, thing: object, options: object, lines: list[str]) -> None:

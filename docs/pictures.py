@@ -18,7 +18,9 @@ from pathlib import Path
 
 os.environ.setdefault("MUJOCO_GL", "egl")
 
+import mujoco
 import numpy as np
+from numpy.typing import NDArray
 from PIL import Image, ImageSequence
 
 from controller.deck.deck import Deck
@@ -40,6 +42,34 @@ DOCS = Path(__file__).parent
 PICTURES = DOCS / "pictures"
 PAGE = [sys.executable, str(DOCS / "page_pictures.py"), str(PICTURES)]
 TOLD_APART = {"walk": "#266ec8", "jog": "#e67700", "waltz": "#2b8a3e", "box1": "#c92a2a"}
+
+
+SHIPPED = ("thesis15", "cmu86")
+GALLERY = """# Gallery
+
+<!-- made by pictures.py gallery -->
+
+Every motion of the shipped libraries, as the network plays it. The mannequin has the human's own joints; servo20
+follows with 20 servos, within their limits. A strip shows eight moments from left to right, of one round of a loop or
+of a single act. There is no physics in it; [walking](walking.md) shows robots on their own feet.
+
+`motiondeck play walk` plays one. `motiondeck play walk --library cmu86 --robot servo20` plays one of the second
+library. `python docs/pictures.py` makes the pictures of these pages anew, `python docs/pictures.py gallery` this page.
+
+## Inside the networks
+
+The orbits of thesis15's neurons in two directions, and how its motions overlap ([the networks](networks.md)):
+
+![orbits of the neurons, and the overlap of the motions](pictures/network-inside.png)
+
+Loops that are computed from others, below these ([morphs](networks.md)):
+
+![mixtures of loops below the loops](pictures/morphs.webp)
+
+What a centralized network costs as it grows ([centralized networks](centralized-networks.md)):
+
+![processor time over samples, outputs, centers, satellites and segments](pictures/centralized-growth.png)
+"""
 
 
 def motiondeck(*words: str | Path) -> None:
@@ -73,12 +103,33 @@ def morphs() -> None:
 
 
 def draw_sheet(loaded: MotionLibrary, robot: str, out: Path, rows_of: Collection[str] = ()) -> None:
-    """One row a motion: eight pictures, spread over one period of a loop or the moving part of a single act."""
+    """One row a motion, as `moments_of` has them."""
+    contact_sheet([row for row in moments_of(loaded, robot) if not rows_of or row[0] in rows_of], out)
+
+
+def gallery() -> None:
+    """Each motion of each shipped library on both robots, a strip a file, and the page that shows them."""
+    page = GALLERY
+    for name in SHIPPED:
+        library = load_library(name).model
+        rows = {robot: moments_of(library, robot) for robot in ("mannequin", "servo20")}
+        page += f"\n## {name}\n"
+        for place, motion in enumerate(library.info.motions):
+            out = PICTURES / "gallery" / f"{name}-{motion.name}.webp"
+            out.parent.mkdir(exist_ok=True)
+            strips = [(robot, row[place][1], row[place][2]) for robot, row in rows.items()]
+            contact_sheet(strips, out, (100, 112))
+            Image.open(out).convert("RGB").save(out, quality=70, method=6)
+            words = f"{motion.name} on both robots"
+            page += f"\n**{motion.name}**, {motion.plays}\n\n![{words}](pictures/gallery/{out.name})\n"
+    (DOCS / "gallery.md").write_text(page, encoding="utf-8")
+
+
+def moments_of(loaded: MotionLibrary, robot: str) -> list[tuple[str, mujoco.MjModel, list[NDArray[np.float64]]]]:
+    """Each motion at eight moments of one period of a loop, or of the moving part of a single act."""
     body = load_robot(find_robot(robot), loaded.skeleton)
     rows = []
     for motion in loaded.info.motions:
-        if rows_of and motion.name not in rows_of:
-            continue
         # A third of what a single act was learned from is the pose that it holds in the end.
         seconds = motion.frames / loaded.info.rate * (1.0 if motion.plays == "loop" else 0.6)
         deck, stage, moments = Deck(loaded, body.retarget, motion.name), KinematicPlayback(body), []
@@ -89,7 +140,7 @@ def draw_sheet(loaded: MotionLibrary, robot: str, out: Path, rows_of: Collection
                 stage.write(np.clip(targets, body.limits.lower, body.limits.upper), pose)
                 moments.append(stage.qpos.copy())
         rows.append((motion.name, body.drawn, moments))
-    contact_sheet(rows, out)
+    return rows
 
 
 def film() -> None:
@@ -255,10 +306,7 @@ MADE: dict[str, Callable[[], object]] = {
     "clips": clips,
     "network-inside": network,
     "morphs": morphs,
-    "thesis15-mannequin": lambda: draw_sheet(
-        load_library("thesis15").model, "mannequin", DOCS / "thesis15-mannequin.png"
-    ),
-    "thesis15-servo20": lambda: draw_sheet(load_library("thesis15").model, "servo20", DOCS / "thesis15-servo20.png"),
+    "gallery": gallery,
     "balance": lambda: benchmark("balance", "--sheet", DOCS / "balance.png"),
     "centralized-growth": lambda: benchmark("centralized_growth", "--plot", PICTURES / "centralized-growth.png"),
 }

@@ -14,7 +14,10 @@ from urllib.parse import unquote
 import pytest
 import typer
 
+import motiondeck
+import motiondeck.networks
 from motiondeck.cli.main import app
+from motiondeck.libraries import load_library
 
 ROOT = Path(__file__).parents[1]
 TUTORIALS = ["README", "installation", "first-motion", "first-robot", "first-rig", "from-a-script", "cookbook"]
@@ -105,6 +108,24 @@ def test_the_page_of_troubleshooting_has_the_messages_of_today():
     assert (ROOT / "docs" / "troubleshooting.md").read_text(encoding="utf-8") == script["troubleshooting"]()
     with pytest.raises(ValueError, match="no message"):
         script["whole"]("the servo has a headache", list(script["messages"]()))
+
+
+def test_every_public_name_has_one_page_of_the_reference():
+    pages = runpy.run_path(str(ROOT / "docs" / "conf.py"))["nouns"]()
+    described = [name.rpartition(".")[2] for names in pages.values() for name in names]
+    assert sorted(described) == sorted({*motiondeck.__all__, *motiondeck.networks.__all__} - {"networks"})
+    index = (ROOT / "docs" / "api-reference.md").read_text(encoding="utf-8")
+    for page, names in pages.items():
+        (row,) = re.findall(rf"\(reference/{page}\.md\) \|(.*)\|$", index, flags=re.M)
+        assert re.findall(r"`(\w+)`", row) == [name.rpartition(".")[2] for name in names]
+
+
+def test_the_gallery_shows_every_motion_of_every_shipped_library():
+    page = (ROOT / "docs" / "gallery.md").read_text(encoding="utf-8")
+    for file in (ROOT / "configs" / "libraries").glob("*.safetensors"):
+        for motion in load_library(file).motions:
+            assert f"(pictures/gallery/{file.stem}-{motion}.webp)" in page
+    assert sum(file.stat().st_size for file in (ROOT / "docs/pictures").rglob("*") if file.is_file()) < 3e6
 
 
 def test_the_notices_name_every_shipped_library():
