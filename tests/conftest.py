@@ -13,6 +13,8 @@ from types import SimpleNamespace
 import pytest
 from hypothesis import HealthCheck, settings
 
+from waiting import PATIENCE
+
 # Each worker has one core; said before numpy is imported, as the program itself does.
 for _library in ("OPENBLAS", "OMP", "MKL"):
     os.environ.setdefault(f"{_library}_NUM_THREADS", "1")
@@ -123,6 +125,29 @@ def runtime_folder():
         yield Path(folder)
 
 
+HASTE = {"command_socket._STOPPED_WITHIN": 0.5, "local_connection._STOP_PATIENCE": 0.2}  # s
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _patient_clients():
+    """Clients in tests wait long for a deck: it may be a thread or a process that gets no core for a while."""
+    from controller.wire.command_socket import DEFAULT_PORT, CommandClient
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(CommandClient.__init__, "__defaults__", (DEFAULT_PORT, None, None, PATIENCE))
+        patch.setattr(CommandClient.request, "__defaults__", (PATIENCE,))
+        for name in (*HASTE, "network_transport._ANSWERS_WITHIN"):
+            patch.setattr(f"controller.wire.{name}", PATIENCE)
+        yield
+
+
+@pytest.fixture
+def hasty(monkeypatch):
+    """Clients that wait for an emergency stop as long as those of a user."""
+    for name, seconds in HASTE.items():
+        monkeypatch.setattr(f"controller.wire.{name}", seconds)
+
+
 RECORDINGS = Path(os.environ.get("MOTIONDECK_DATA") or Path(__file__).parents[2] / "shared" / "data")
 
 
@@ -166,6 +191,7 @@ def _drawn_seldom(page):
         window.requestAnimationFrame = (picture) => setTimeout(() => draw(picture), 120);
         window.cancelAnimationFrame = clearTimeout;"""
     )
+    page.set_default_timeout(60_000)  # ms
     return page
 
 

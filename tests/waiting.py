@@ -1,22 +1,36 @@
 """What tests of several processes share: free ports, and waiting for something that happens elsewhere."""
 
+import itertools
+import os
 import socket
 import time
-from contextlib import ExitStack
+from pathlib import Path
+
+PATIENCE = 30.0  # s that is waited for what another thread or process does at once, where it gets a core
+
+# Below those that the system gives to connections, which would take one before its test does; each process begins
+# elsewhere.
+_PORTS = itertools.cycle([10_000 + (500 * os.getpid() + number) % 20_000 for number in range(20_000)])
 
 
 def free_port():
-    """A port of 127.0.0.1 that nobody listens on."""
-    return free_ports(1)[0]
+    """A port of 127.0.0.1 that nobody uses, for TCP and UDP."""
+    return next(filter(_is_free, _PORTS))
 
 
 def free_ports(count):
     """Some of them, all different."""
-    with ExitStack() as opened:
-        probes = [opened.enter_context(socket.socket()) for _ in range(count)]
-        for probe in probes:
-            probe.bind(("127.0.0.1", 0))
-        return [probe.getsockname()[1] for probe in probes]
+    return [free_port() for _ in range(count)]
+
+
+def _is_free(port):
+    try:
+        for kind in (socket.SOCK_STREAM, socket.SOCK_DGRAM):
+            with socket.socket(socket.AF_INET, kind) as probe:
+                probe.bind(("0.0.0.0", port))
+    except OSError:
+        return False
+    return True
 
 
 def until(condition, what, seconds=60.0):
@@ -26,3 +40,22 @@ def until(condition, what, seconds=60.0):
         assert time.monotonic() < deadline, f"waited in vain for {what}"
         time.sleep(0.02)
     return found
+
+
+def runs(process):
+    """Whether a process is there and has not ended; one that nobody has waited for yet is a zombie."""
+    try:
+        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except (FileNotFoundError, ProcessLookupError):
+        return False
+
+
+def quick(act, within):
+    """Acts until that took less than `within` s: a busy machine makes some attempts slow, a wait in the product all."""
+
+    def acted():
+        began = time.monotonic()
+        act()
+        return time.monotonic() - began < within
+
+    until(acted, f"an attempt of less than {within} s")

@@ -21,7 +21,7 @@ def printed_address(lines):
 
 def open_early(page, address):
     """Opens an address, drawn coarsely, as soon as a server answers there."""
-    for _ in range(100):
+    for _ in range(600):
         try:
             page.goto(coarse(address))
             break

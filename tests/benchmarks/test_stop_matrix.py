@@ -16,7 +16,7 @@ from benchmarks.stop.command_runner import CommandRunner
 from benchmarks.stop.fault_matrix import FAULTS, SOURCES, Trial
 from benchmarks.stop.stop import with_table
 from benchmarks.stop.surroundings import LossyNetwork
-from waiting import until
+from waiting import PATIENCE, until
 
 ROOT = Path(__file__).parents[2]
 
@@ -92,7 +92,7 @@ def test_a_network_loses_about_as_many_datagrams_as_it_shall():
         socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as client,
     ):
         deck.bind(("127.0.0.1", 0))
-        deck.settimeout(0.3)
+        deck.settimeout(PATIENCE)
         network = LossyNetwork(deck.getsockname()[1], 0.2, seed=3)
         arrived = 0
         for _ in range(200):
@@ -100,6 +100,7 @@ def test_a_network_loses_about_as_many_datagrams_as_it_shall():
         with contextlib.suppress(TimeoutError):
             while deck.recv(10) == b"x":
                 arrived += 1
+                deck.settimeout(PATIENCE if arrived <= 130 else 0.3)
         network.close()
     assert 130 < arrived < 190
 

@@ -21,6 +21,7 @@ from controller.wire.messages.replies import Accepted
 from controller.wire.run_recording import load_recording
 from motiondeck import MotiondeckError
 from motiondeck.libraries import Library
+from waiting import PATIENCE, quick, runs, until
 
 PROGRAM = """
 import motiondeck, sys
@@ -40,6 +41,14 @@ if child == 0:
 print(child, flush=True)
 time.sleep(60.0)
 """
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _patient():
+    """A deck is a process that may wait for a core."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("motiondeck.live._ANSWERS_WITHIN", PATIENCE)
+        yield
 
 
 @pytest.fixture(scope="module")
@@ -99,17 +108,19 @@ def test_the_threads_of_a_program_share_a_connection(library):
         assert 0.0 < waited[0] < 5.0
 
 
-def test_a_deck_that_is_held_up_says_within_half_a_second_that_it_takes_no_stop(library):
+def test_a_deck_that_is_held_up_says_within_half_a_second_that_it_takes_no_stop(library, hasty):
     with motiondeck.play(library, "march", physics=False, rate=100.0) as deck:
+
+        def stop():
+            with pytest.raises(MotiondeckError, match="the emergency stop is not acknowledged"):
+                deck.emergency_stop()
+
         asking = [threading.Thread(target=deck.status) for _ in range(40)]  # more than may wait at once
         os.kill(deck._process._process.pid, signal.SIGSTOP)
         try:
             for thread in asking:
                 thread.start()
-            began = time.monotonic()
-            with pytest.raises(MotiondeckError, match="the emergency stop is not acknowledged"):
-                deck.emergency_stop()
-            assert time.monotonic() - began < 1.2
+            quick(stop, 1.2)
         finally:
             os.kill(deck._process._process.pid, signal.SIGCONT)
         for thread in asking:
@@ -151,18 +162,24 @@ def test_numbers_of_any_type_are_taken(marching, number):
 
 def test_any_thread_may_wait_for_a_switch_as_often_as_it_likes(marching):
     marching.tempo = 1.0
-    marching.switch("march").wait()
-    commanded, waited = marching.switch("wave"), []
-    waiting = [threading.Thread(target=lambda: waited.append(commanded.wait(10.0))) for _ in range(2)]
-    for thread in waiting:
-        thread.start()
-    asked = 0
-    while any(thread.is_alive() for thread in waiting):
-        marching.status()  # its answers come to the same socket
-        asked += 1
-    assert asked > 10  # nobody keeps the socket to himself while he waits
-    assert waited == [commanded.wait(0.0)] * 2
+
+    def asked():
+        """How often another thread is answered meanwhile."""
+        marching.switch("march").wait()
+        commanded, waited, count = marching.switch("wave"), [], 0
+        waiting = [threading.Thread(target=lambda: waited.append(commanded.wait(PATIENCE))) for _ in range(2)]
+        for thread in waiting:
+            thread.start()
+        while any(thread.is_alive() for thread in waiting):
+            marching.status()  # its answers come to the same socket
+            count += 1
+        assert waited == [commanded.wait(0.0)] * 2
+        return count
+
+    until(lambda: asked() > 10, "an attempt in which nobody keeps the socket to himself while he waits")
+    marching.pause()  # so that the first one has not settled when the second one comes
     overtaken, last = marching.switch("march"), marching.switch("wave")
+    marching.resume()
     last.wait()
     for _ in range(2):
         with pytest.raises(MotiondeckError, match="overtaken"):
@@ -215,7 +232,9 @@ def test_commands_change_the_status_and_appear_as_events(library):
         deck.jump(0.25)
         assert 0.0 <= deck.phase <= 1.0
         deck.tempo = 1.0
+        deck.pause()
         first, second = deck.switch("wave"), deck.switch("march")
+        deck.resume()
         with pytest.raises(MotiondeckError, match="overtaken"):
             first.wait()
         second.wait()
@@ -273,10 +292,7 @@ def test_it_ends_with_the_program_that_started_it(library, tmp_path):
         assert program.stdout is not None
         pid = int(program.stdout.readline())
         program.kill()
-    deadline = time.monotonic() + 30.0
-    while alive(pid):
-        assert time.monotonic() < deadline, "the deck plays on without its program"
-        time.sleep(0.05)
+    until(lambda: not runs(pid), "the end of the deck without its program")
 
 
 def test_it_ends_with_the_program_that_started_it_even_if_its_forked_children_live_on(library, tmp_path):
@@ -286,19 +302,7 @@ def test_it_ends_with_the_program_that_started_it_even_if_its_forked_children_li
         assert program.stdout is not None
         deck, child = int(program.stdout.readline()), int(program.stdout.readline())
         program.kill()
-        deadline = time.monotonic() + 20.0
         try:
-            while alive(deck):
-                assert time.monotonic() < deadline, "the deck plays on without its program"
-                time.sleep(0.05)
+            until(lambda: not runs(deck), "the end of the deck without its program")
         finally:
             os.kill(child, signal.SIGKILL)
-
-
-def alive(pid):
-    """Whether a process runs; one that has ended but was not waited for does not."""
-    try:
-        with open(f"/proc/{pid}/stat") as file:  # noqa: PTH123
-            return file.read().rsplit(")", 1)[1].split()[0] != "Z"
-    except OSError:
-        return False

@@ -78,7 +78,7 @@ def test_page_recording_and_emulated_rig_work_beside_foreign_packages(command, c
         assert answers(first.split()[1])
         until_recorded(crowded / "show.rec")
         deck.send_signal(signal.SIGTERM)
-        out, errors = deck.communicate(timeout=30)
+        out, errors = deck.communicate(timeout=60)
     finally:
         deck.kill()
     assert deck.returncode == 0, errors

@@ -18,7 +18,7 @@ def test_a_pipe_is_written_to_and_stays_a_pipe(tmp_path):
     reader = threading.Thread(target=lambda: read.append(pipe.read_bytes()))
     reader.start()
     write_file(pipe, b"a table")
-    reader.join(5.0)
+    reader.join()
     assert read == [b"a table"]
     assert stat.S_ISFIFO(pipe.stat().st_mode)
 

@@ -5,10 +5,10 @@ import shutil
 import signal
 import subprocess
 import sys
-import time
-from pathlib import Path
 
 import pytest
+
+from waiting import runs, until
 
 PROGRAM = """
 import pathlib, sys, time, os
@@ -23,11 +23,11 @@ list(spread((delayed(os.system)(f"echo > {sys.argv[1]}/$PPID; sleep 60") for _ i
 def test_processes_end_when_their_parent_is_killed(tmp_path):
     parent = subprocess.Popen([sys.executable, "-c", PROGRAM, str(tmp_path)], start_new_session=True)
     try:
-        assert _comes_true(lambda: len(list(tmp_path.iterdir())) == 3, 60.0)
+        until(lambda: len(list(tmp_path.iterdir())) == 3, "the processes")
         workers = [int(file.name) for file in tmp_path.iterdir() if int(file.name) != parent.pid]
         parent.kill()
         parent.wait()
-        assert _comes_true(lambda: not any(map(_runs, workers)), 20.0)
+        until(lambda: not any(map(runs, workers)), "their end")
     finally:
         os.killpg(parent.pid, signal.SIGKILL)
 
@@ -48,18 +48,3 @@ def test_without_shared_memory_one_process_computes_and_one_line_says_why():
         pytest.skip("this machine lets no user mount a folder of his own")
     assert done.stdout == "[1, 2]\n"
     assert done.stderr == "motiondeck: one core computes, as /dev/shm is not writable. Mount a tmpfs there\n"
-
-
-def _comes_true(condition, seconds):
-    end = time.monotonic() + seconds
-    while not condition() and time.monotonic() < end:
-        time.sleep(0.05)
-    return condition()
-
-
-def _runs(process):
-    """Whether a process is there and has not ended; one that nobody has waited for yet is a zombie."""
-    try:
-        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
-    except FileNotFoundError:
-        return False

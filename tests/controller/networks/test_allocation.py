@@ -29,15 +29,17 @@ def most_made(step):
         tracemalloc.stop()
 
 
+def quietest(step):
+    """As `most_made`; what another thread of the tests makes meanwhile counts too, but does not come three times."""
+    return [min(bytes) for bytes in zip(*(most_made(step) for _ in range(3)), strict=True)]
+
+
 @pytest.mark.parametrize("kind", [kind for kind in synthetic.NETWORKS if kind != "centralized"])
 def test_a_step_makes_no_array(kind):
     network = synthetic.NETWORKS[kind]()
     network.cue("wave", 0)
     out = np.empty(network.channels)
-    # What another thread of the tests makes meanwhile counts too; it does not come three times.
-    made = [most_made(lambda: network.advance(out)) for _ in range(3)]
-    assert min(most for most, _ in made) < NO_ARRAY
-    assert min(left for _, left in made) < NO_ARRAY
+    assert max(quietest(lambda: network.advance(out))) < NO_ARRAY
 
 
 def test_a_centralized_step_makes_no_array():
@@ -51,7 +53,7 @@ def test_a_centralized_step_makes_no_array():
         generator = CentralizedGenerator({name: network[name] for name in network.motions})
         generator.cue("wave")
         made = [
-            most_made(step) for step in (lambda net=network, o=out: net.advance(o), lambda g=generator: g.step(0.003))
+            quietest(step) for step in (lambda net=network, o=out: net.advance(o), lambda g=generator: g.step(0.003))
         ]
         assert max(left for _, left in made) < NO_ARRAY
         most.append(max(peak for peak, _ in made))

@@ -48,6 +48,7 @@ from controller.wire.messages.commands import (
 from controller.wire.messages.deck_snapshot import LockState, Recognized
 from controller.wire.messages.replies import Accepted, PhaseNow, Refused, Reply, Settled, State, read_reply
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
+from waiting import PATIENCE
 
 
 @dataclass
@@ -617,10 +618,10 @@ def test_a_client_waits_for_its_own_answer(stage):
     thread = threading.Thread(target=serve)
     thread.start()
     try:
-        reply = stage.client.request(GetStatus(), timeout_s=5.0)
+        reply = stage.client.request(GetStatus())
         assert isinstance(reply, State)
         assert (reply.id, reply.motion, reply.paused) == (3, "jog", True)
-        assert stage.client.wait_settled(1, 5.0).to == "jog"
+        assert stage.client.wait_settled(1, PATIENCE).to == "jog"
     finally:
         finished.set()
         thread.join()

@@ -1,33 +1,45 @@
 """Commands over a network: who has the token is heard once, and nothing that was recorded is heard again."""
 
 import random
-import select
 import socket
-import threading
-import time
+from collections import deque
 from contextlib import closing, suppress
+from types import SimpleNamespace
 
 import pytest
 
-from controller.wire import network_transport
+from controller.wire import command_socket, network_transport
 from controller.wire.authentication import sign
 from controller.wire.command_socket import CommandClient, CommandServer, SocketError
 from controller.wire.messages.commands import EmergencyStop, GetStatus, Reset, Switch
 from controller.wire.messages.replies import Accepted
+from waiting import PATIENCE, until
 
 TOKEN = b"0123456789abcdef"
 HERE = "127.0.0.1"
 
 
 def arrived(server, wanted=1):
-    """The commands that come, after a moment for the datagrams; a client that greets meanwhile is answered."""
+    """The commands that come; a client that greets meanwhile is answered."""
     found = []
-    for _ in range(200):
-        found += server.poll()
-        if len(found) >= wanted:
-            break
-        time.sleep(0.0005)
+
+    def enough():
+        found.extend(server.poll())
+        return len(found) >= wanted
+
+    until(enough, "what was sent", PATIENCE)
     return found
+
+
+def refused(server, datagrams):
+    """Waits until so many datagrams in all were refused, and none was taken for a command."""
+
+    def enough():
+        assert list(server.poll()) == []
+        return server.traffic.malformed + server.traffic.replayed >= datagrams
+
+    until(enough, "what was sent", PATIENCE)
+    assert server.traffic.malformed + server.traffic.replayed == datagrams
 
 
 class Wire:
@@ -43,9 +55,10 @@ class Wire:
         self._server, self._client = server, None
         self.recorded, self.commands = [], []
 
-    def pump(self):
-        """Carries datagrams both ways until there are no more."""
-        for _ in range(20):
+    def pump(self, enough):
+        """Carries datagrams both ways until it is enough."""
+
+        def carried():
             try:
                 data, self._client = self._near.recvfrom(65536)
                 self.recorded.append(data)
@@ -55,12 +68,13 @@ class Wire:
             self.commands += self._server.poll()
             with suppress(BlockingIOError):
                 self._near.sendto(self._far.recv(65536), self._client)
-            time.sleep(0.0002)
+            return enough()
+
+        until(carried, "what was sent", PATIENCE)
 
     def replay(self, data):
-        """Sends something recorded once more; the commands that the server takes from it."""
+        """Sends something recorded once more."""
         self._far.send(data)
-        return arrived(self._server)
 
     def close(self):
         self._near.close()
@@ -90,76 +104,80 @@ def client(server):
         yield greeted(client, server)
 
 
-class LossyRelay:
-    """Passes datagrams on between a client and a server, and loses some of them each way."""
+class LossyNetwork:
+    """The sockets of a server and of clients on a network that loses datagrams, in a time of its own.
 
-    def __init__(self, port, loss):
-        self._near = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._near.bind((HERE, 0))
-        self._far = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._far.connect((HERE, port))
-        self.port = self._near.getsockname()[1]
-        self._loss, self._chance, self._client = loss, random.Random(3), None
-        self.open = True
-        self._thread = threading.Thread(target=self._pass_on, daemon=True)
-        self._thread.start()
+    Only a client that waits takes time; the server has answered before.
+    """
 
-    def _pass_on(self):
-        while self.open:
-            for ready in select.select([self._near, self._far], [], [], 0.01)[0]:
-                data, sender = ready.recvfrom(65536)
-                if ready is self._near:
-                    self._client = sender
-                if self._chance.random() < self._loss:
-                    continue
-                if ready is self._near:
-                    self._far.send(data)
-                else:
-                    self._near.sendto(data, self._client)
+    def __init__(self, server, loss):
+        self.time, self._loss, self._chance = 0.0, loss, random.Random(3)
+        self._for_server, self._for_client, self._timeout = deque(), deque(), 0.0
+        self.received, self._server = [], server
+        server._listener._socket.close()
+        server._listener._socket = SimpleNamespace(recvfrom=self._at_server, sendto=self._to_client, close=int)
 
-    def close(self):
-        self.open = False
-        self._thread.join()
-        self._near.close()
-        self._far.close()
+    def client(self):
+        client = CommandClient(self._server.port, HERE, TOKEN)
+        client._connection._socket.close()
+        client._connection._socket = self
+        return client
+
+    def monotonic(self):
+        return self.time
+
+    def send(self, data):
+        if self._chance.random() >= self._loss:
+            self._for_server.append(data)
+
+    def settimeout(self, seconds):
+        self._timeout = seconds
+
+    def recv(self, _):
+        for message, sender in self._server.poll():
+            self.received.append(message)
+            self._server.reply(sender, Accepted(message.id))
+        if not self._for_client:
+            self.time += self._timeout
+            raise TimeoutError
+        return self._for_client.popleft()
+
+    def _at_server(self, _):
+        if not self._for_server:
+            raise BlockingIOError
+        return self._for_server.popleft(), HERE
+
+    def _to_client(self, data, _):
+        if self._chance.random() >= self._loss:
+            self._for_client.append(data)
 
 
-def test_an_emergency_stop_arrives_over_a_network_that_loses_a_fifth_each_way(server):
-    received, took, playing = [], [], True
-
-    def serve():
-        while playing:
-            select.select([server], [], [], 0.01)
-            for message, sender in server.poll():
-                received.append(message)
-                server.reply(sender, Accepted(message.id))
-
-    deck = threading.Thread(target=serve, daemon=True)
-    deck.start()
-    with closing(LossyRelay(server.port, 0.2)) as relay:
-        for _ in range(40):
-            with closing(CommandClient(relay.port, HERE, TOKEN)) as client:
-                began, before = time.monotonic(), len(received)
-                assert isinstance(client.request(EmergencyStop(), 1.0), Accepted)
-                took.append(time.monotonic() - began)
-                assert len(received) > before
-    playing = False
-    deck.join()
+def test_an_emergency_stop_arrives_over_a_network_that_loses_a_fifth_each_way(server, monkeypatch):
+    network, took = LossyNetwork(server, 0.2), []
+    received = network.received
+    for module in (network_transport, command_socket):
+        monkeypatch.setattr(module, "time", network)
+    for _ in range(40):
+        client, began, before = network.client(), network.time, len(received)
+        assert isinstance(client.request(EmergencyStop(), 1.0), Accepted)
+        took.append(network.time - began)
+        assert len(received) > before
     assert max(took) < 1.0
     assert sorted(took)[-4] < 0.12, "what is lost is sent again at once"
     assert {message.id for message in received} == {1}, "each was one press, however often it was sent"
 
 
-def test_an_emergency_stop_is_sent_until_it_is_answered_by_who_reads_replies_only(server, client):
+def test_an_emergency_stop_is_sent_until_it_is_answered_by_who_reads_replies_only(server, client, monkeypatch):
+    monkeypatch.setattr(command_socket, "_STOP_FOR", PATIENCE)
     number = client.post(EmergencyStop())
     for _ in range(6):
         assert client.receive(0.03) is None
-    (first, sender), *more = server.poll()
+    (first, sender), *more = arrived(server, 3)
     assert len(more) >= 2
     assert {message.id for message, _ in more} == {first.id} == {number}
     server.reply(sender, Accepted(0))  # to another command
     server.reply(sender, Accepted(number))
-    assert [client.receive(0.2), client.receive(0.2)] == [Accepted(0), Accepted(number)]
+    assert [client.receive(PATIENCE), client.receive(PATIENCE)] == [Accepted(0), Accepted(number)]
     list(server.poll())
     assert client.receive(0.2) is None
     assert list(server.poll()) == []
@@ -170,7 +188,7 @@ def test_who_has_the_token_is_heard_and_answered_under_seal(server, client):
     ((message, sender),) = arrived(server)
     assert message == Switch("walk", id=number)
     server.reply(sender, Accepted(number))
-    assert client.receive(1.0) == Accepted(number)
+    assert client.receive(PATIENCE) == Accepted(number)
 
 
 def test_without_the_token_nobody_is_heard_nor_answered(server):
@@ -179,9 +197,7 @@ def test_without_the_token_nobody_is_heard_nor_answered(server):
         hello = network_transport._HELLO.pack(b"H", b"stranger")
         for data in (b"", b"nonsense", hello, sign(b"fedcba9876543210", hello)):
             stranger.send(data)
-        time.sleep(0.002)
-        assert list(server.poll()) == []
-        assert server.traffic.malformed == 4
+        refused(server, 4)
         stranger.setblocking(False)
         with pytest.raises(BlockingIOError):
             stranger.recv(100)
@@ -191,18 +207,16 @@ def test_a_recorded_reset_sent_again_is_refused_and_counted(server):
     with closing(Wire(server)) as wire, closing(CommandClient(wire.port, HERE, TOKEN)) as client:
         connection = client._connection
         connection._put_body(network_transport._HELLO.pack(b"H", connection._name))
-        wire.pump()
-        connection._take(1.0)
-        for message in (EmergencyStop(), Reset(), GetStatus()):
+        wire.pump(lambda: connection._take(0.01) is not None)
+        for count, message in enumerate((EmergencyStop(), Reset(), GetStatus()), 1):
             client.post(message)
-            wire.pump()
+            wire.pump(lambda count=count: len(wire.commands) == count)
         assert [type(message) for message, _ in wire.commands] == [EmergencyStop, Reset, GetStatus]
         for data in wire.recorded[1:]:  # the first one is the greeting
-            assert wire.replay(data) == []
-        assert server.traffic.replayed == 3
+            wire.replay(data)
+        refused(server, 3)
         client.post(GetStatus())
-        wire.pump()
-        assert len(wire.commands) == 4, "the client itself is still heard"
+        wire.pump(lambda: len(wire.commands) == 4)  # the client itself is still heard
 
 
 def test_what_was_recorded_of_one_run_is_refused_by_the_next(server, client):
@@ -212,10 +226,10 @@ def test_what_was_recorded_of_one_run_is_refused_by_the_next(server, client):
         closing(CommandServer(0, HERE, TOKEN)) as following,
         closing(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) as attacker,
     ):
-        for taken, run in ((1, server), (0, following)):
+        for run in (server, following):
             attacker.sendto(sign(TOKEN, body), (HERE, run.port))
-            assert len(arrived(run)) == taken
-        assert following.traffic.replayed == 1
+        assert len(arrived(server)) == 1
+        refused(following, 1)
 
 
 def test_a_client_that_the_deck_forgot_is_heard_and_its_old_commands_are_not(server, monkeypatch):
@@ -227,9 +241,9 @@ def test_a_client_that_the_deck_forgot_is_heard_and_its_old_commands_are_not(ser
         assert len(arrived(server)) == 1
     old = network_transport._COMMAND.pack(b"C", first._name, first._challenge, 1) + b'{"type":"reset"}'
     first._socket.send(sign(TOKEN, old))
-    assert arrived(server) == []
-    while first._take(0.01) is not None:
-        pass
+    refused(server, 1)
+    while first._number < 2:  # it is told where to go on
+        assert first._take(PATIENCE) is not None
     number = clients[0].post(GetStatus())
     ((message, _),) = arrived(server)
     assert message == GetStatus(id=number)
@@ -243,19 +257,22 @@ def test_after_a_new_start_of_the_deck_a_client_goes_on(server, client):
     server._listener._secret = b"another run"
     server._listener._last.clear()
     number = client.post(Switch("walk"))
-    assert arrived(server) == []
-    assert client.receive(0.05) is None  # it was told to begin anew, and has sent the command again
-    ((message, sender),) = arrived(server)
+    refused(server, 1)
+    found = []
+    while not found:
+        assert client.receive(0.05) is None  # it is told to begin anew, and sends the command again
+        found += server.poll()
+    ((message, sender),) = found
     assert message == Switch("walk", id=number)
     server.reply(sender, Accepted(number))
-    assert client.receive(1.0) == Accepted(number)
+    assert client.receive(PATIENCE) == Accepted(number)
 
 
 def test_a_reply_that_was_recorded_is_not_believed_again(server, client):
     client.post(GetStatus())
     ((_, sender),) = arrived(server)
     server.reply(sender, Accepted(1))
-    assert client.receive(1.0) == Accepted(1)
+    assert client.receive(PATIENCE) == Accepted(1)
     server._listener._sent = 0
     server.reply(sender, Accepted(1))
     assert client.receive(0.01) is None
@@ -272,7 +289,7 @@ def test_a_deck_with_another_token_is_not_believed(server, client):
     server._listener._token = b"fedcba9876543210"
     server.reply(sender, Accepted(1))
     with pytest.raises(SocketError, match="another token"):
-        client.receive(1.0)
+        client.receive(PATIENCE)
 
 
 def test_localhost_needs_no_file_of_hosts(monkeypatch):

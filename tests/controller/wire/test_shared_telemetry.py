@@ -106,7 +106,9 @@ def test_another_process_never_sees_a_torn_state(path):
         "reader = StateReader.open(pathlib.Path(sys.argv[1]))\n"
         "print('ready', flush=True)\n"
         "seen, last = 0, -1.0\n"
-        "while not reader.ended:\n"
+        "ended = False\n"
+        "while not ended:\n"
+        "    ended = reader.ended\n"  # it may get no core until then, and sees the last state all the same
         "    state = reader.read()\n"
         "    if state is None: continue\n"
         "    number = state['number'][0]\n"

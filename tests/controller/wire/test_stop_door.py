@@ -15,10 +15,10 @@ from hypothesis import strategies as st
 from controller.wire.command_socket import CommandClient, CommandServer, SocketError
 from controller.wire.local_transport import MOST_CLIENTS, command_folder
 from controller.wire.messages.commands import EmergencyStop, GetStatus, Reset, Stop, Switch, encode
-from controller.wire.messages.replies import Accepted, Refused, read_reply
+from controller.wire.messages.replies import Accepted, Refused, Settled, read_reply
 from controller.wire.stop_door import PLACES, StopDoor
 from idle_programs import connected, idle_programs
-from waiting import until
+from waiting import PATIENCE, quick, until
 
 
 @pytest.fixture(autouse=True)
@@ -45,6 +45,8 @@ def deck():
                 presses.append(door.poll())
                 for message, sender in server.poll():
                     server.reply(sender, Accepted(message.id))
+                    if isinstance(message, Switch):
+                        server.reply(sender, Settled(message.to, 0.5, message.id))
 
         thread = threading.Thread(target=serve)
         thread.start()
@@ -124,7 +126,10 @@ def test_a_stop_that_is_sent_again_counts_once_on_its_connection(sent):
 
 @pytest.mark.parametrize("idle", [1, PLACES, 1000])
 def test_idle_programs_at_the_door_keep_no_stop_out(deck, idle):
-    with idle_programs(command_folder() / "47810.stop", idle), closing(CommandClient(47810)) as client:
+    with (
+        idle_programs(command_folder() / "47810.stop", idle),
+        closing(CommandClient(47810)) as client,
+    ):
         for _ in range(2):
             assert isinstance(client.request(EmergencyStop()), Accepted)
     until(lambda: sum(deck) == 2, "both presses")
@@ -161,7 +166,7 @@ def test_greedy_programs_at_the_door_keep_no_stop_out(door, folder):
     serving.start()
     crowd = [subprocess.Popen([sys.executable, "-c", GREEDY, str(folder / "47810.stop")]) for _ in range(2)]
     try:
-        deadline = time.monotonic() + 20.0
+        deadline = time.monotonic() + 60.0
         with closing(at_door()) as one:
             while True:
                 assert time.monotonic() < deadline, "nothing makes it leave"
@@ -275,23 +280,26 @@ def test_a_deck_without_a_door_takes_the_stop_as_a_command():
 
 
 @pytest.mark.parametrize("served", ["door", "no door"])
-def test_a_stop_that_nothing_acknowledges_is_said_within_half_a_second(served):
+def test_a_stop_that_nothing_acknowledges_is_said_within_half_a_second(served, hasty):
     with ExitStack() as opened, closing(CommandClient(47810)) as client:
         opened.enter_context(closing(StopDoor(47810) if served == "door" else CommandServer(47810)))
-        began = time.monotonic()
-        with pytest.raises(SocketError, match="the emergency stop is not acknowledged"):
-            client.request(EmergencyStop(), timeout_s=5.0)
-        assert 0.4 < time.monotonic() - began < 1.5
+
+        def press():
+            with pytest.raises(SocketError, match="the emergency stop is not acknowledged"):
+                client.request(EmergencyStop(), timeout_s=5.0)
+
+        quick(press, 1.0)
 
 
-def test_a_reply_from_the_door_makes_the_client_readable_and_comes_before_what_follows_it(deck):
-    with closing(CommandClient(47810)) as client:
-        client.request(GetStatus())
+def test_a_reply_from_the_door_makes_the_client_readable_and_comes_before_what_follows_it(door):
+    with closing(CommandServer(47810)) as server, closing(CommandClient(47810)) as client:
         for _ in range(50):
-            first, second = client.post(EmergencyStop()), client.post(GetStatus())
-            select.select([client], [], [], 1.0)
-            numbers = [client.receive(1.0).id for _ in range(2)]
-            assert numbers == [first, second]
+            numbers = [client.post(message) for message in (EmergencyStop(), GetStatus())]
+            assert door.poll() == 1
+            assert select.select([client], [], [], PATIENCE)[0] == [client]
+            for message, sender in server.poll():
+                server.reply(sender, Accepted(message.id))
+            assert [client.receive(PATIENCE).id for _ in numbers] == numbers
 
 
 def test_a_request_that_the_deck_cannot_read_is_refused(deck):
@@ -307,11 +315,11 @@ def test_threads_share_a_client_and_each_gets_its_own_reply(deck):
         def ask():
             start.wait()
             for _ in range(20):
-                answered.append(client.request(GetStatus(), 5.0).id)
+                answered.append(client.request(GetStatus()).id)
 
         def stop():
             start.wait()
-            stopped.extend(client.request(EmergencyStop(), 5.0).id for _ in range(5))
+            stopped.extend(client.request(EmergencyStop()).id for _ in range(5))
 
         threads = [threading.Thread(target=act) for act in [ask] * 30 + [stop]]
         for thread in threads:
@@ -325,11 +333,12 @@ def test_threads_share_a_client_and_each_gets_its_own_reply(deck):
 def test_a_thread_that_waits_for_a_second_reply_holds_no_other_up(deck):
     with closing(CommandClient(47810)) as client:
         client.request(GetStatus())
-        waiting = threading.Thread(target=client.wait_settled, args=(999, 0.5))
+        settled = []
+        waiting = threading.Thread(target=lambda: settled.append(client.wait_settled(12, 2 * PATIENCE)))
         waiting.start()
-        began = time.monotonic()
         for _ in range(10):
             client.request(GetStatus())
-        assert time.monotonic() - began < 0.4
         assert waiting.is_alive()
+        client.request(Switch("walk"))
         waiting.join()
+        assert settled == [Settled("walk", 0.5, 12)]

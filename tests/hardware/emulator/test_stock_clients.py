@@ -14,7 +14,7 @@ IDS = range(1, 21)
 def insist(call, wanted=lambda result: result == OK):
     """Repeats what a client gives up too soon on a busy machine."""
     result = call()
-    for _ in range(30):
+    for _ in range(300):
         if wanted(result):
             break
         time.sleep(0.1)
@@ -24,7 +24,7 @@ def insist(call, wanted=lambda result: result == OK):
 
 def patient(call):
     """As `insist`, for clients that raise."""
-    for _ in range(30):
+    for _ in range(300):
         try:
             return call()
         except Exception:
@@ -79,7 +79,7 @@ def test_the_easy_sdk_finds_and_moves_a_servo(emulator):
     motor = patient(lambda: connector.createMotor(8))
     patient(motor.enableTorque)
     patient(lambda: motor.setGoalPosition(2300))
-    for _ in range(100):
+    for _ in range(600):
         if abs(patient(motor.getPresentPosition) - 2300) <= 1:
             break
         time.sleep(0.05)

@@ -146,7 +146,7 @@ def test_keys_buttons_and_the_state_line(browser, address):
     page.locator("#stop").click()
     page.wait_for_function("document.querySelector('#state b').textContent === 'HELD'")
     page.locator(".play").nth(0).click()
-    page.wait_for_function("document.querySelector('#state b').textContent === 'PLAYING'", timeout=15000)
+    page.wait_for_function("document.querySelector('#state b').textContent === 'PLAYING'", timeout=60000)
     page.close()
 
 

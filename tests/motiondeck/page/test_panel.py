@@ -14,7 +14,7 @@ from controller.wire.stop_door import StopDoor
 from motiondeck.page.panel import Panel
 from motiondeck.page.web.page_state import PageDescription
 from motiondeck.page.web.private_page import PrivatePage
-from waiting import free_port, until
+from waiting import PATIENCE, free_port, until
 
 MOTIONS = ["walk", "jog", "crawl", "standup", "waltz"]
 
@@ -134,7 +134,8 @@ def test_two_browsers_see_what_happens_and_both_command(browser):
             page.stop()
 
 
-def test_an_emergency_stop_waits_for_no_other_command():
+def test_an_emergency_stop_waits_for_no_other_command(monkeypatch):
+    monkeypatch.setattr("motiondeck.page.panel.ANSWER_WITHIN", PATIENCE)
     page = PrivatePage(free_port(), "test")
     with (
         closing(CommandServer(0)) as server,
@@ -143,13 +144,15 @@ def test_an_emergency_stop_waits_for_no_other_command():
     ):
         panel = Panel(page, PageDescription(model_file="", robot="test", motions=MOTIONS), client, look_from=print)
         clicks = [threading.Thread(target=panel.send, args=(message,)) for message in (Switch("jog"), EmergencyStop())]
-        for click in clicks:
-            click.start()
-            time.sleep(0.1)
-        assert clicks[0].is_alive()  # the deck takes no commands
-        assert door.poll() == 1
-        for click in clicks:
-            click.join()
+        clicks[0].start()
+        taken = until(lambda: [*server.poll()], "the first command")
+        clicks[1].start()
+        until(lambda: door.poll() == 1, "the emergency stop")
+        clicks[1].join()
+        assert clicks[0].is_alive()
+        ((message, sender),) = taken
+        server.reply(sender, Accepted(message.id))
+        clicks[0].join()
         page.stop()
 
 

@@ -1,6 +1,7 @@
 """What a terminal shows while a run goes on, and the words at its end."""
 
 import io
+import threading
 import time
 from dataclasses import dataclass
 
@@ -9,6 +10,7 @@ import pytest
 from controller.loop.stop_requests import StopRequest
 from controller.loop.stop_state import StopState
 from motiondeck.run.report import PERIOD, progress_line, summary, words_of
+from waiting import until
 
 
 class Terminal(io.StringIO):
@@ -48,10 +50,15 @@ def test_the_line_says_motion_time_and_end(deck, stop, seconds, words):
 
 def shown(stream, prompt=False, stop=None):
     """What a stream has been told after the line has had the time to be written."""
+    before = threading.enumerate()
     with progress_line(Playing(), stop or StopRequest(), None, prompt=prompt, stream=stream):
-        deadline = time.monotonic() + 2.0
-        while not stream.getvalue() and time.monotonic() < deadline - (1.5 if prompt and not stop else 0.0):
-            time.sleep(PERIOD / 10)
+        lines = [thread for thread in threading.enumerate() if thread not in before]
+        if prompt and not stop:
+            time.sleep(2.5 * PERIOD)
+        else:
+            until(stream.getvalue, "the line")
+    for line in lines:
+        line.join()
     return stream.getvalue()
 
 

@@ -61,7 +61,7 @@ def test_the_loop_of_a_real_rig_and_its_guard_are_scheduled_first_and_no_process
             expected = os.SCHED_FIFO if is_permitted() else os.SCHED_OTHER
             until(lambda: os.sched_getscheduler(deck.pid) == expected, "the scheduling")
             guards = [pid for pid in children(deck.pid) if b"guard" in Path(f"/proc/{pid}/cmdline").read_bytes()]
-            assert [os.sched_getscheduler(pid) for pid in guards] == [expected]
+            until(lambda: [os.sched_getscheduler(pid) for pid in guards] == [expected], "that of the guard")
             if is_permitted():
                 assert os.sched_getparam(guards[0]).sched_priority > os.sched_getparam(deck.pid).sched_priority
             beside = set(children(deck.pid)) - set(guards)

@@ -6,6 +6,7 @@ are judged by the benchmarks.
 
 import signal
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ import pytest
 from benchmarks.stop import fault_matrix, goal_judge
 from benchmarks.stop.fault_matrix import Stage
 from benchmarks.stop.judged_rig import JudgedDeck, JudgedRig
-from waiting import until
+from waiting import runs, until
 
 _ATTEMPTS = 3  # of a cell, on a machine that may be busy; where something is broken, none of them succeeds
 
@@ -37,8 +38,9 @@ def test_joints_of_a_deck_that_is_stopped_stalled_and_killed_brake_within_their_
                 deck.signal(signal.SIGCONT)
                 time.sleep(0.5)
                 deck.plays()
+            beside = Path(f"/proc/{deck.process.pid}/task/{deck.process.pid}/children").read_text().split()
             deck.signal(signal.SIGKILL)
-            until(lambda: silent(rig.bus), "the end of the guard")
+            until(lambda: not any(map(runs, beside)) and silent(rig.bus), "the end of the guard")
             over = time.monotonic()
         joints, goals = rig.joints, goal_judge.read_goals(rig.bus, rig.joints).between(began, over)
     steps, pulse = np.diff(goals.positions, axis=0), joints.pulse

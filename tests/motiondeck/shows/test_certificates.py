@@ -44,7 +44,7 @@ def test_members_hear_each_other_and_strangers_neither_hear_nor_command(tmp_path
         left.subscribe("**", lambda key, data: heard.append(data))
         stranger.subscribe("**", lambda key, data: overheard.append(data))
         plain.declare_subscriber("**", lambda sample: overheard.append(sample.payload.to_bytes()))
-        until(lambda: conductor.neighbours == 1 and left.neighbours == 1, "the link", 5.0)
+        until(lambda: conductor.neighbours == 1 and left.neighbours == 1, "the link")
 
         def said():
             conductor.publish("cue", b"true")
@@ -52,7 +52,7 @@ def test_members_hear_each_other_and_strangers_neither_hear_nor_command(tmp_path
             plain.put("motiondeck/gala/cue", b"false")
             return b"true" in heard
 
-        until(said, "what is said", 5.0)
+        until(said, "what is said")
         time.sleep(0.5)  # for those that are not meant to arrive
         said()
         assert set(heard) == {b"true"}

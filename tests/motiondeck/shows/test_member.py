@@ -20,6 +20,7 @@ from controller.wire.messages.commands import (
 from controller.wire.messages.replies import PhaseNow
 from motiondeck.shows.member import ASKS_EVERY, Member
 from motiondeck.shows.messages import About, CommonRound, EmergencyStopAll, Time, TimedCue, encode
+from waiting import PATIENCE
 
 AHEAD = 500.0  # s by which the conductor's clock is ahead
 
@@ -87,7 +88,7 @@ class Stage:
         """What the deck is answered for the phase of the show."""
         self.asking.post(GetPhase())
         self.member.step(0.0)
-        return self.asking.receive(1.0)
+        return self.asking.receive(PATIENCE)
 
 
 @pytest.fixture

@@ -6,6 +6,7 @@ import struct
 import threading
 import time
 from contextlib import ExitStack, closing
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -28,6 +29,7 @@ from motiondeck.stage.midi import MidiGoneError, MidiInput, open_midi_port
 from motiondeck.stage.osc import OscInput, OscOutput
 from motiondeck.stage.stage_file import MidiMap
 from motiondeck.stage.timecode import Timecode
+from waiting import free_port, until
 
 mido = pytest.importorskip("mido")
 udp_client = pytest.importorskip("pythonosc.udp_client")
@@ -45,15 +47,24 @@ def patterns(table):
     return {key: CommandPattern(text) for key, text in table.items()}
 
 
-def free_port():
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
-
-
 def twin():
     """Stands in for the retargeter of a robot with two joints, which rest."""
     return lambda pose: np.zeros(len(JOINTS))
+
+
+def unread(port):
+    """How much has come to a port and was not read, bytes."""
+    rows = [line.split() for line in Path("/proc/net/udp").read_text().splitlines()[1:]]
+    return sum(int(row[4].split(":")[1], 16) for row in rows if int(row[1].split(":")[1], 16) == port)
+
+
+class Desk(udp_client.SimpleUDPClient):
+    """A client whose messages have come when they are sent."""
+
+    def send(self, content):
+        before = unread(self._port)
+        super().send(content)
+        until(lambda: unread(self._port) > before, "the message")
 
 
 class Stage:
@@ -69,7 +80,7 @@ class Stage:
         self.desk = CommandHandler(CommandedRun(self.deck), [server])
         port = free_port()
         self.osc_input = cleanup.enter_context(closing(OscInput(port, patterns(COMMANDS), self.told.append)))
-        self.osc = cleanup.enter_context(udp_client.SimpleUDPClient("127.0.0.1", port))
+        self.osc = cleanup.enter_context(Desk("127.0.0.1", port))
         device = folder / "midi"
         os.mkfifo(device)
         mapped = MidiMap(str(device), 9, clock, patterns(dict(notes)), patterns(CONTROLS), patterns(dict(cues)))

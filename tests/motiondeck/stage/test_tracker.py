@@ -1,6 +1,7 @@
 """A person leads a deck by datagrams that are written here byte by byte, as JSON and as VMC."""
 
 import json
+import select
 import socket
 import struct
 from contextlib import closing
@@ -14,6 +15,7 @@ from controller.motion.skeleton import walk_path
 from controller.wire.messages.commands import FollowPerson, LockPhase
 from motiondeck.stage.stage_file import read_stage
 from motiondeck_base.errors import FileFormatError, MotiondeckError
+from waiting import PATIENCE, free_port
 
 pytest.importorskip("pythonosc")
 tracker = pytest.importorskip("motiondeck.stage.tracker")
@@ -48,9 +50,7 @@ class Sender:
 
     def __init__(self, points=POINTS, names=None):
         self.told, self.signals, self.now = [], [], 100.0
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-            probe.bind(("127.0.0.1", 0))
-            self.port = probe.getsockname()[1]
+        self.port = free_port()
         follower = PersonFollower(synthetic.small_phase_library(), points)
         self.input = tracker.TrackerInput(self.port, follower, names or {}, self.told.append)
         self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -61,6 +61,7 @@ class Sender:
 
     def send(self, data, later=1.0 / RATE):
         self.socket.sendto(data, ("127.0.0.1", self.port))
+        assert select.select([self.input], [], [], PATIENCE)[0]
         self.now += later
         self.signals += self.input.read(self.now)
 

@@ -24,7 +24,7 @@ def address(tmp_path):
         yield printed_address(view.stdout)
     finally:
         view.terminate()
-        view.wait(timeout=20)
+        view.wait(timeout=60)
 
 
 @pytest.mark.thorough

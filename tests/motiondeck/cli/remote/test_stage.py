@@ -13,15 +13,10 @@ from controller.wire.command_socket import CommandServer
 from controller.wire.messages.commands import FollowPerson, GetStatus, Pause, Subscribe, Switch
 from controller.wire.messages.replies import Accepted, Event, Refused, State
 from motiondeck.cli.remote.stage import Sparing, _print_reply
+from waiting import free_port
 
 mido = pytest.importorskip("mido")
 udp_client = pytest.importorskip("pythonosc.udp_client")
-
-
-def free_port():
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
 
 
 class StandIn:

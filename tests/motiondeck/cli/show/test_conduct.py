@@ -54,8 +54,8 @@ def test_a_show_of_one_deck_from_its_first_cue_to_the_stop(tmp_path, monkeypatch
                 break
         conductor.stdin.write("quit\n")
         conductor.stdin.close()
-        assert conductor.wait(10) == 0
-        assert deck.wait(10) == 0
+        assert conductor.wait() == 0
+        assert deck.wait() == 0
     finally:
         for process in (conductor, deck):
             process.kill()

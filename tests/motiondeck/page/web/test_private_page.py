@@ -22,7 +22,7 @@ from web_pages import coarse
 
 def open_socket(port, **more):
     return websockets.sync.client.connect(
-        f"ws://127.0.0.1:{port}", subprotocols=[f"viser-v{viser.__version__}"], open_timeout=10, **more
+        f"ws://127.0.0.1:{port}", subprotocols=[f"viser-v{viser.__version__}"], open_timeout=60, **more
     )
 
 

@@ -24,7 +24,7 @@ def uploads():
     button.on_upload(lambda event: taken.append((event.target.value.name, len(event.target.value.content))))
     limit_uploads(page, MOST, lambda name, size: refused.append((name, size)))
     page.on_client_connect(lambda _: there.set())
-    own = {"origin": f"http://127.0.0.1:{port}", "subprotocols": [f"viser-v{viser.__version__}"]}
+    own = {"origin": f"http://127.0.0.1:{port}", "subprotocols": [f"viser-v{viser.__version__}"], "open_timeout": 60}
     with websockets.sync.client.connect(f"ws://127.0.0.1:{port}", **own) as client:
         send(client, **CAMERA)
         assert there.wait(20)
