@@ -63,6 +63,7 @@ class Deck(Lockable):
             self.performance.tracks.set_input(name, value)  # motions that share an input begin alike
         self.layers: Layers | None = None  # over what it plays, where the run names groups of joints
         self._jump: float | None = None  # the phase to go to in the next update
+        self._entry: float | None = None  # the phase at which a switch begins in it, where a person is
         self.time = 0.0  # s since the start, summed over updates
         super().__init__()
         self.pose = self.performance.pose
@@ -260,6 +261,7 @@ class Deck(Lockable):
             person.see(self._clock() - ago, motion, phase, tempo)
             if motion != self.motion:
                 self.switch(motion, direct=True)
+                self._entry = phase
 
     def jump(self, phase: float) -> None:
         """Fades to a phase in [0, 1] of the present motion, from the next update on; in a loop 1 is 0.
@@ -292,8 +294,8 @@ class Deck(Lockable):
         if plan.blending is not None:
             plan.update_blend(plan.blending, self.time)
         if (plan.ahead or plan.queued) and (motion := plan.take_next(self.time)) is not None:
-            playing.switch_to(motion)
-            self._jump = None
+            playing.switch_to(motion, self._entry)
+            self._jump = self._entry = None
         elif self._jump is not None:
             playing.jump(self._jump)
             self._jump = None

@@ -125,18 +125,18 @@ class Performance:
                 self._limits = None
         return self.pose
 
-    def switch_to(self, motion: str) -> None:
-        """Starts a motion where it resembles the body most, and the join from what is shown to it."""
+    def switch_to(self, motion: str, phase: float | None = None) -> None:
+        """Starts a motion where it resembles the body most, or at a phase, and the join from what is shown to it."""
         # While another switch is under way, or motions are blended, the join is a fade.
         leaving, entering, joining = self.motion, self.motions[motion], self._joining
-        anchor = self._best_anchor(motion, self.posture, self._shown)
+        anchor = self._best_anchor(motion, self.posture, self._shown) if phase is None else 0
         self._limit(leaving, entering)
         self._go_over_to(entering.offsets)
-        if joining in ("morph", "crossfade") and not self.fading and self.tracks.alone:
+        if joining in ("morph", "crossfade") and phase is None and not self.fading and self.tracks.alone:
             self._mix_to(motion, anchor)
             return
         first = self._play_alone(self.tracks.playing[0])
-        first.cue(motion, anchor)
+        first.cue(motion, anchor) if phase is None else first.cue_phase(motion, phase)
         if joining == "cut":
             self._fade, self._limits, self._body_elapsed = None, None, MORPH_SECONDS
             self._switching = True  # completed in the next step

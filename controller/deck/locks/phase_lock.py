@@ -25,7 +25,7 @@ class LoopPlace:
 
 
 Steering = tuple[float, float | None]  # the tempo that a lock asks for, and the phase of a jump if the error is large
-MOST, STIFFNESS = 1.0, 5.0  # corrections of the tempo: at most this much, and 1/s for small errors
+MOST, LINEAR = 1.0, 0.08  # corrections of the tempo: at most this much; in proportion to errors up to this, s
 _SHARE = 0.8  # of the rate of the tempo, that braking uses; the rest is left for what the reference itself does
 
 
@@ -41,18 +41,16 @@ def correction(error: float, rate: float) -> float:
     joined to the line without a kink: the proximate time-optimal servomechanism (Franklin, Powell and Workman,
     "Digital Control of Dynamic Systems").
 
-        v = k |e|                                 up to b / k^2
+        v = k |e|                                 up to b / k^2 = LINEAR
         v = sqrt(2 b (|e| - b / (2 k^2)))         beyond, at most MOST
     """
     brake, size = _SHARE * rate, abs(error)
-    linear = brake / STIFFNESS**2
-    speed = STIFFNESS * size if size <= linear else math.sqrt(2.0 * brake * (size - 0.5 * linear))
+    speed = math.sqrt(brake / LINEAR) * size if size <= LINEAR else math.sqrt(2.0 * brake * (size - 0.5 * LINEAR))
     return math.copysign(min(speed, MOST), error)
 
 
 # A loop is locked after an error below the first for HELD seconds, until it is beyond the second, s.
 LOCKED_WITHIN, LOST_BEYOND, HELD = 0.02, 0.05, 0.2
-JUMPS_BEYOND = 0.8  # error beyond which a loop jumps instead of changing its tempo, s of the motion
 _SLOWEST = 0.1  # a reference below this tempo stands: then errors are seconds of the motion
 
 
@@ -80,6 +78,7 @@ class Beats:
     """
 
     name: Literal["beat"] = "beat"
+    hurry, jumps_beyond = 1.0, 0.8
 
     def __init__(self, phase: float = 0.0, steps: int = 0) -> None:
         self.clock = BeatClock()
@@ -121,6 +120,7 @@ class OtherDeck:
     """
 
     name: Literal["deck"] = "deck"
+    hurry, jumps_beyond = 1.0, 0.8
     per_minute: None = None
 
     def __init__(self, leader: Leader, ahead: float = 0.0) -> None:
@@ -156,6 +156,7 @@ class Person:
     """A person that leads, seen now and then in a motion."""
 
     name: Literal["person"] = "person"
+    hurry, jumps_beyond = 8.0, 0.4  # people stop within 50 ms, and half a round away is too far to catch up
     per_minute: None = None
 
     def __init__(self) -> None:
@@ -178,10 +179,13 @@ class Person:
 
 
 class PhaseLock:
-    """Keeps a motion in step with a reference; without one it is played at the commanded tempo."""
+    """Keeps a motion in step with a reference; without one it is played at the commanded tempo.
+
+    The tempo changes at a rate, 1/s, by a source `hurry` times as fast; off by `jumps_beyond` s a motion jumps.
+    """
 
     def __init__(self, source: Beats | OtherDeck | Person, rate: float) -> None:
-        self.source, self.rate = source, rate
+        self.source, self.rate, self._unhurried = source, rate, rate
         self._error_s: float | None = None
         self._locked = False
         self._within_since: float | None = None
@@ -197,12 +201,13 @@ class PhaseLock:
         reference = self.source.reference(playhead)
         if reference is None or playhead.loop == reference.once:
             self._note(playhead.time, None)
+            self.rate = self._unhurried
             return playhead.tempo, None
-        tempo = reference.rate * playhead.seconds
+        self.rate, tempo = self.source.hurry * self._unhurried, reference.rate * playhead.seconds
         behind = reference.phase - playhead.phase
         error = (behind if reference.once else wrapped(behind, reference.modulus)) * playhead.seconds
         self._note(playhead.time, error / max(abs(tempo), _SLOWEST) if reference.steady else None)
-        if abs(error) > JUMPS_BEYOND and playhead.alone:
+        if abs(error) > self.source.jumps_beyond and playhead.alone:
             return _clipped(tempo, tempo), (playhead.phase + error / playhead.seconds) % 1.0
         steered = tempo + correction(error, self.rate)
         return _clipped(steered, steered if reference.turns_back else tempo), None

@@ -200,6 +200,20 @@ def test_a_deck_follows_into_another_motion_stops_with_them_and_plays_on_when_th
     assert np.abs(np.diff(joints, axis=0)).max() < 3.0 * np.abs(np.diff(free, axis=0)).max()
 
 
+def test_half_a_round_away_it_jumps_at_once_and_stops_when_they_do(library):
+    deck = Deck(library, lambda pose: pose.root_position, "march")
+    deck.lock("person")
+    played(deck, 0.1, lambda time: ("wave", 0.7 + time, 1.0))
+    assert apart(deck.phase, 0.8) < 0.05  # it begins where they are
+    played(deck, 2.0, lambda time: ("wave", (0.8 + time) % 1.0, 1.0))
+    played(deck, 0.1, lambda time: ("wave", 0.3 + time, 1.0))
+    assert apart(deck.phase, 0.4) < 0.05
+    played(deck, 2.0, lambda time: ("wave", (0.4 + time) % 1.0, 1.0))
+    played(deck, 0.2, lambda time: ("wave", 0.4, 0.0))
+    assert abs(deck.tempo) < 0.1
+    assert apart(deck.phase, 0.4) < 0.03
+
+
 def test_a_one_shot_is_followed_too_and_an_unlocked_deck_does_not_listen(library):
     deck = Deck(library, lambda pose: pose.root_position, "march")
     played(deck, 0.5, lambda time: ("wave", 0.2, 1.0))
