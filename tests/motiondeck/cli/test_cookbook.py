@@ -19,7 +19,10 @@ PARTS = (ROOT / "docs" / "cookbook.md").read_text(encoding="utf-8").split("\n## 
 CODE = re.compile(r"^```(sh|python)\n(.*?)^```", re.M | re.S)
 RECIPES = {title: CODE.findall(text) for title, _, text in (part.partition("\n") for part in PARTS)}
 ELSEWHERE = {"Jaw to a voice"}  # a link to where it stands and is tested
-AFTER = {"Nod when the doorbell rings": "Faces for a head of eight servos"}
+AFTER = {
+    "Nod when the doorbell rings": "Faces for a head of eight servos",
+    "All my recordings on one sheet": "Cut a long recording",
+}
 
 
 @pytest.fixture
