@@ -1,8 +1,10 @@
 """Compiles the safety envelope when Motiondeck is built or installed; without a C compiler Python does its work.
 
-A wheel with the compiled part is for one platform, one without it for all.
+The README loses links that a package index cannot follow. A wheel with the compiled part is for one platform, one
+without it for all.
 """
 
+import re
 import shutil
 import subprocess
 import sysconfig
@@ -12,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
+from hatchling.metadata.plugin.interface import MetadataHookInterface
 
 SOURCE = Path("controller/loop/safety/envelope.c")
 FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-shared", "-fPIC")
@@ -51,3 +54,14 @@ class CompileEnvelope(BuildHookInterface):
         """Removes what was compiled for a wheel."""
         if version != "editable":
             self._folder.cleanup()
+
+
+class ReadmeOfAnIndex(MetadataHookInterface):
+    """The README as a package index can show it: without links to files and pictures beside it."""
+
+    def update(self, metadata: dict[str, Any]) -> None:
+        """Sets the readme of the metadata."""
+        text = (Path(self.root) / "README.md").read_text(encoding="utf-8")
+        text = re.sub(r"^!\[[^\]]*\]\((?!https?:)[^)]*\)\n+", "", text, flags=re.M)
+        text = re.sub(r"\[([^\]]*)\]\((?!https?:|#)[^)]*\)", r"\1", text)
+        metadata["readme"] = {"content-type": "text/markdown", "text": text}

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -86,6 +87,16 @@ def test_page_recording_and_emulated_rig_work_beside_foreign_packages(command, c
     assert (report["rig"]["joints"], report["faults"]["deck"]) == (20, 0)
     assert "has ended" not in errors
     assert load_recording(crowded / "show.rec").complete
+
+
+@pytest.mark.thorough
+def test_what_an_index_shows_has_no_link_that_it_cannot_follow(command):
+    (file,) = command.parents[1].glob("lib/python*/site-packages/motiondeck-*.dist-info/METADATA")
+    head, _, readme = file.read_text(encoding="utf-8").partition("\n\n")
+    assert "Installation has extras" in readme
+    assert [link for link in re.findall(r"\]\(([^)]*)\)", readme) if not link.startswith("https:")] == []
+    tested = re.findall(r'"([\d.]+)"', (CHECKOUT / ".github/workflows/ci.yml").read_text().partition("python: [")[2])
+    assert re.findall(r"^Classifier: Programming Language :: Python :: (\d\.\d+)$", head, flags=re.M) == tested
 
 
 @pytest.mark.thorough
