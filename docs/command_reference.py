@@ -1,4 +1,4 @@
-"""The reference of commands, as Markdown made from the command line itself."""
+"""The reference of commands, a page a noun, as Markdown made from the command line itself."""
 
 from __future__ import annotations
 
@@ -7,12 +7,23 @@ from typing import Any
 
 import typer
 
-from motiondeck.cli.main import command_line
+from motiondeck.cli.main import _PANELS, command_line
 
 
-def command_reference() -> str:
-    """A section for each command, with its help text and a table of its arguments and options."""
-    return "\n\n".join(_section(words, command) for words, command in commands(typer.main.get_command(command_line())))
+def command_reference(noun: str) -> str:
+    """A section for each command of a noun, with its help text and a table of its arguments and options."""
+    return "\n\n".join(_section(words, command) for words, command in nouns()[noun])
+
+
+def nouns() -> dict[str, list[tuple[str, Any]]]:
+    """The commands and their full names by the page of reference/ that describes them: of a group, or of a panel."""
+    panels = {name: panel.lower() for panel, names in _PANELS.items() for name in names}
+    pages: dict[str, list[tuple[str, Any]]] = {}
+    for words, command in commands(typer.main.get_command(command_line())):
+        first = words.split()[1]
+        page = first if first in ("clip", "library", "rig", "robot") else panels[first].replace("export", "show")
+        pages.setdefault(page, []).append((words, command))
+    return pages
 
 
 def commands(command: Any, words: str = "motiondeck") -> Iterator[tuple[str, Any]]:

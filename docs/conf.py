@@ -76,11 +76,11 @@ def add_what_the_site_needs(app: Any, page: str, source: list[str]) -> None:
         doors = "\n".join(line for line in text.splitlines() if line.startswith(("First", "| **")))
         for caption, pages in [("Start here", doors), *LIST.findall(text)]:
             text += f"\n```{{toctree}}\n:hidden:\n:caption: {caption}\n\n" + "\n".join(LINK.findall(pages)) + "\n```\n"
-    if page == "command-reference":
-        text += command_reference()
-    if page == "api-reference":
+    if page in ("command-reference", "api-reference"):
         text += "\n```{toctree}\n:hidden:\n\n" + "\n".join(REFERENCE.findall(text)) + "\n```\n"
-    if page.startswith("reference/"):
+    if page.startswith("reference/command-"):
+        text += command_reference(page.partition("-")[2])
+    elif page.startswith("reference/"):
         text += api_reference(page.partition("/")[2])
     source[0] = OUTSIDE.sub(r"\1", text)
 

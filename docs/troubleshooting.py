@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import html
 import re
 import tomllib
 from collections.abc import Iterator
@@ -58,7 +59,7 @@ def troubleshooting() -> str:
         for entry in group["entries"]:
             page += f"\n### {entry['symptom']}\n\n"
             if "says" in entry:
-                page += f"    {whole(entry['says'], texts)}\n\n"
+                page += f"> {html.escape(whole(entry['says'], texts), quote=False)}\n\n"
             page += f"{entry['cause']}\n\n**What helps.** {entry['remedy']}\n"
     return page
 

@@ -118,6 +118,15 @@ def test_every_public_name_has_one_page_of_the_reference():
         assert re.findall(r"`(\w+)`", row) == [name.rpartition(".")[2] for name in names]
 
 
+def test_every_command_has_one_page_of_the_reference():
+    pages = runpy.run_path(str(ROOT / "docs" / "command_reference.py"))["nouns"]()
+    index = (ROOT / "docs" / "command-reference.md").read_text(encoding="utf-8")
+    rows = dict(re.findall(r"\(reference/command-(\w+)\.md\) \|(.*)\|$", index, flags=re.M))
+    named = {page: re.findall(r"`([\w -]+)`", row) for page, row in rows.items()}
+    assert named == {page: [words.partition(" ")[2] for words, _ in found] for page, found in pages.items()}
+    assert all((ROOT / "docs" / "reference" / f"command-{page}.md").is_file() for page in pages)
+
+
 def test_the_gallery_shows_every_motion_of_every_shipped_library():
     page = (ROOT / "docs" / "gallery.md").read_text(encoding="utf-8")
     for file in (ROOT / "configs" / "libraries").glob("*.safetensors"):
