@@ -1,6 +1,6 @@
 """An ensemble: robots that play the same poses, as one robot with the joints of all, which goes as the slowest does."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import fields
 
 import numpy as np
@@ -69,9 +69,9 @@ class RobotOutput:
         return getattr(self._output, "incidents", ())
 
     @property
-    def news(self) -> Sequence[str]:
-        """Those of them that are no faults."""
-        return getattr(self._output, "news", ())
+    def explain(self) -> Callable[[Collection[str]], list[tuple[str, bool]]] | None:
+        """Says of some of them the causes, and whether each is a fault, if the output can."""
+        return getattr(self._output, "explain", None)
 
     def report(self) -> Mapping[str, object]:
         """The output's own report."""

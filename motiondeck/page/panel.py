@@ -14,13 +14,14 @@ from controller.wire.messages.command_table import BY_WORD
 from controller.wire.messages.commands import SIDES, DeckCommand, Side
 from controller.wire.messages.deck_snapshot import DeckSnapshot
 from controller.wire.messages.replies import Event, Refused
+from motiondeck.page.alarms import Notices
 from motiondeck.page.bodies import View
 from motiondeck.page.figures import loop_figures, recognition_text
 from motiondeck.page.ghost import WAYS
 from motiondeck.page.motions.motion_controls import MotionControls
 from motiondeck.page.scene import CAMERAS
 from motiondeck.page.web.page_state import PageDescription
-from motiondeck.page.web.page_style import NOTICE_SECONDS, STOPS, STYLE, buttons_in_line
+from motiondeck.page.web.page_style import STOPS, STYLE, buttons_in_line
 from motiondeck.page.web.parts import PageParts, ask
 from motiondeck.page.web.private_page import PrivatePage
 from motiondeck.page.web.state_line import ended_line, state_line
@@ -62,33 +63,6 @@ class ViewChoices:
         return View(human, *(box is not None and bool(box.value) for box in self._boxes))
 
 
-MOST_NOTICES = 3  # at a time; what a rig does has its own tab
-FAULT = "Fault"
-MORE = "All of them are marks in the strip of the last minutes, with their text."
-
-
-class Notices:
-    """The notices of a page."""
-
-    def __init__(self, page: PrivatePage) -> None:
-        self._page = page
-        self._shown: dict[str, float] = {}  # when each was shown last, s
-
-    def show(self, title: str, text: str, *, alarming: bool = True) -> None:
-        """Shows a notice; not twice while the same is still on the page."""
-        now = time.monotonic()
-        if now - self._shown.get(text, -NOTICE_SECONDS) < NOTICE_SECONDS:
-            return
-        self._shown = {each: at for each, at in self._shown.items() if now - at < NOTICE_SECONDS} | {text: now}
-        if title == FAULT and len(self._shown) > MOST_NOTICES:
-            title, text = "More faults", MORE
-            if text in self._shown:
-                return
-            self._shown[text] = now
-        for client in self._page.get_clients().values():
-            client.add_notification(title, text, auto_close_seconds=NOTICE_SECONDS, color="red" if alarming else "blue")
-
-
 ANSWER_WITHIN = 1.0
 HAND_ON = 1.0  # a hand on a slider keeps it for so long before the deck's own value is shown again, s
 
@@ -96,7 +70,7 @@ HAND_ON = 1.0  # a hand on a slider keeps it for so long before the deck's own v
 _TITLES = {
     "via": "On the way",
     "gave up": "Blend given up",
-    "fault": FAULT,
+    "fault": "Fault",
     "fell": "Fallen",
     "stands": "Stands again",
     "push": "Push",
@@ -129,12 +103,12 @@ class Panel:
         self._motions, self._unrecognized = about.motions, about.unrecognized
         self._state = DeckSnapshot(motion="")
         self._moved = 0.0  # when a hand was on the tempo, s
-        self._notices = Notices(page)
         gui = page.gui
         gui.main_panel.dock_right()  # the scene has what is left, and nothing covers the robot
         gui.main_panel.set_width(PANEL_WIDTH)
         gui.add_html(STYLE + buttons_in_line(3))
         self.parts = PageParts(page)
+        self._notices = Notices(self.parts)
         # What happens and how to stop it stand first, so that they are visible in a small window too.
         self._line = gui.add_html("")
         icons, helps = viser.Icon, {word: command.help for word, command in BY_WORD.items()}
@@ -224,6 +198,7 @@ class Panel:
         """Brings buttons, slider and figures up to date."""
         before, self._state = self._state, now
         self._line.content = state_line(now).as_html()
+        self._notices.show()
         self.motion_controls.show(now)
         if now.paused != before.paused:
             self._pause.label = "Resume" if now.paused else "Pause"
@@ -244,11 +219,11 @@ class Panel:
     def show_event(self, event: Event) -> None:
         """Shows an event that nothing else on the page shows."""
         if event.kind in _TITLES:
-            self._notices.show(_TITLES[event.kind], event.text, alarming=event.kind in _ALARMING)
+            self._notices.add(_TITLES[event.kind], event.text, alarming=event.kind in _ALARMING)
 
     def refuse(self, reason: str) -> None:
         """Shows why something was not done."""
-        self._notices.show("Refused", reason)
+        self._notices.add("Refused", reason)
 
     def _stop_or_ask(self, event: viser.GuiEvent) -> None:
         """Stops at once; a reset is asked about first."""

@@ -86,7 +86,7 @@ _FEET = "; with --walk or --balance it can keep on its feet"
 _INCIDENTS_SHOWN = 10  # the latest
 _OFTEN = 0.02  # share of the ticks from which a joint that is held back is named
 _OVERRUNS_EVERY = 1.0  # s from one event on overruns to the next, which has all since
-_FAULTS_EVERY = 0.25  # s from one check for faults to the next
+_FAULTS_EVERY = 0.1  # s from one check for faults to the next
 
 
 class RunNews:
@@ -104,6 +104,7 @@ class RunNews:
         self._overruns = self._replayed = 0
         self._faults = [0] * len(channels)
         self._incidents: list[Counter[str]] = [Counter() for _ in channels]
+        self._waiting: list[list[str]] = [[] for _ in channels]
         self._motion = ""
         self._ticks = 0
         self._overruns_every = max(1, round(_OVERRUNS_EVERY / clock.period))
@@ -136,15 +137,16 @@ class RunNews:
                 fault = f"{channel.output.name}: {channel.fault}"
                 parked = f"{fault.removesuffix('.')}. Nothing more is sent to it"
                 self._handler.notify("fault", parked if channel.parked else fault)
-            incidents = getattr(channel.output, "incidents", ())
-            if not incidents:
-                continue
             # Only the latest are kept: new ones are found by the count of each.
-            now = Counter(incidents)
+            now = Counter[str](getattr(channel.output, "incidents", ()))
             before, self._incidents[index] = self._incidents[index], now
-            news = getattr(channel.output, "news", ())
-            for incident in (now - before).elements():
-                self._handler.notify("servo" if incident in news else "fault", f"{channel.output.name}: {incident}")
+            new, waiting = [*(now - before).elements()], self._waiting[index]
+            explain = getattr(channel.output, "explain", None)
+            # What has one cause does not all come within one check: the first ones wait for the next.
+            self._waiting[index] = new if explain is not None and not waiting else []
+            ready = [] if self._waiting[index] else waiting + new
+            for text, fault in explain(ready) if explain is not None else ((each, True) for each in ready):
+                self._handler.notify("fault" if fault else "servo", f"{channel.output.name}: {text}")
 
 
 def run_report(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
@@ -18,6 +18,7 @@ from controller.loop.output_channel import Channel
 from controller.motion.rotations import Array
 from controller.motion.skeleton import Pose
 from motiondeck.run.guard.guarded_rig import Awaited, GuardedRig, GuardProcess, connect
+from motiondeck.run.robots.incident_causes import explained
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
 from motiondeck_base.files import listed
 
@@ -143,10 +144,10 @@ class RigOutput:
         """What has happened to its servos lately, in words, in order of time."""
         return [f"{incident.source} {incident.what}" for incident in self.rig.incidents]
 
-    @property
-    def news(self) -> list[str]:
-        """Those of them that are no faults."""
-        return [f"{incident.source} {incident.what}" for incident in self.rig.incidents if not incident.fault]
+    def explain(self, new: Collection[str]) -> list[tuple[str, bool]]:
+        """Some of them by their causes, with what to check, and whether each is a fault."""
+        ports = {joint.label: part.port for part in self.rig.config.parts for joint in part.joints}
+        return explained(self.rig.incidents, new, ports)
 
     def report(self) -> Mapping[str, object]:
         """The rig's part of the report of the run."""

@@ -47,9 +47,9 @@ def test_an_output_gets_and_measures_its_own_joints_only():
     assert share.measured() is None
     output.present = np.array([7.0, 8.0])
     assert np.array_equal(share.measured(), [np.nan, 7.0, 8.0, np.nan], equal_nan=True)
-    assert (share.incidents, share.news) == ((), ())
-    output.incidents = output.news = ["knee was switched off on command"]
-    assert share.incidents == share.news == output.news
+    assert (share.incidents, share.explain) == ((), None)
+    output.incidents, output.explain = ["knee was switched off on command"], lambda new: [(new[0], False)]
+    assert share.explain(share.incidents) == [(output.incidents[0], False)]
     share.close()
     assert (share.name, share.report(), output.closed) == ("second keeping", {"written": 1}, 1)
 

@@ -292,12 +292,30 @@ def test_the_page_shows_the_figure_and_its_buttons_command_the_deck(deck, browse
         viewer.stdout.close()
 
 
-def height_shown(page):
-    """How far up the figure is in the scene, as a share of it; None if it is not in sight."""
+def figure_pixels(page):
+    """Rows and columns of the scene, without its edges, that the figure covers, and how high that is."""
     picture = page.locator("canvas").first.screenshot()
     pixels = np.asarray(Image.open(io.BytesIO(picture)).convert("RGB"), dtype=int)[60:-60, 10:-10]
-    rows, _ = np.nonzero((np.ptp(pixels, axis=2) > 50) | (pixels.max(axis=2) < 90))
-    return 1.0 - float(rows.mean()) / len(pixels) if len(rows) > IN_VIEW * pixels.size / 3 else None
+    rows, columns = np.nonzero((np.ptp(pixels, axis=2) > 50) | (pixels.max(axis=2) < 90))
+    return rows, columns, len(pixels)
+
+
+def height_shown(page):
+    """How far up the figure is in the scene, as a share of it; None if it is not in sight."""
+    rows, _, height = figure_pixels(page)
+    return 1.0 - float(rows.mean()) / height if len(rows) > 200 else None
+
+
+def figure_box(page):
+    """Where the figure is on the page, as the browser has the boxes of elements; None if it is not in sight."""
+    page.wait_for_timeout(200)
+    rows, columns, _ = figure_pixels(page)
+    if len(rows) < 200:
+        return None
+    (left, right), (top, bottom) = np.quantile(columns, (0.005, 0.995)), np.quantile(rows, (0.005, 0.995))
+    scene = page.locator("canvas").first.bounding_box()
+    place = {"x": scene["x"] + left + 10, "y": scene["y"] + top + 60}
+    return {**place, "width": right - left, "height": bottom - top}
 
 
 @pytest.mark.thorough
@@ -312,6 +330,7 @@ def test_each_browser_looks_back_alone_and_is_called_back_by_what_happens(deck, 
         page.goto(coarse(f"http://127.0.0.1:{port}"))
         page.locator("#state-line").wait_for()
         page.locator(".timeline-strip .run").first.wait_for()
+        page.add_style_tag(content=".notices { display: none !important; }")  # as dark as the figure
         pages.append(page)
         return page
 

@@ -1,0 +1,57 @@
+"""The cause of incidents: servos of one port that fall silent together are one event, which says what to check."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from typing import TYPE_CHECKING
+
+from motiondeck_base.files import listed
+
+if TYPE_CHECKING:
+    from hardware.rig.supervision.health import Incident
+
+SILENT = ("does not answer", "was cut off")
+FOLLOWS = ("does not follow", "has lost its torque", *SILENT)  # what else comes of a silent port
+FOLLOWS_WITHIN = 3.0  # s
+# By the beginning of an incident: what to check of one servo, and of several of a port at once.
+_CHECKS = {
+    "does not answer": ("its plug and cable", ""),
+    "was cut off": ("its plug and cable", ""),
+    "has lost its torque": ("its supply", "the supply"),
+    "has a low supply voltage": ("supply and cable", "the supply"),
+    "is getting hot": ("what it carries", "what they carry"),
+    "pushes against": ("what is in its way", "what is in their way"),
+}
+
+
+def explained(
+    incidents: Collection[Incident], new: Collection[str], ports: Mapping[str, str]
+) -> list[tuple[str, bool]]:
+    """The new ones of the latest incidents by port and cause: what has happened, what to check, and whether a fault.
+
+    `new` has them in words, source and what; `ports` are those of the joints, by the sources of incidents.
+    """
+    ended = max((one.time for one in incidents), default=0.0)
+    quiet: dict[str, set[str]] = {}
+    for one in incidents:
+        if one.fault and one.what.startswith(SILENT) and ended - one.time < FOLLOWS_WITHIN:
+            quiet.setdefault(ports.get(one.source, ""), set()).add(one.source)
+    groups: dict[tuple[str, str, bool], dict[str, str]] = {}
+    for one in incidents:
+        if f"{one.source} {one.what}" in new:
+            port = ports.get(one.source, "")
+            silent = one.fault and len(quiet.get(port, ())) > 1 and one.what.startswith(FOLLOWS)
+            kind = "" if silent else one.what.partition(":")[0]
+            groups.setdefault((port, kind, one.fault), {}).setdefault(one.source, one.what)
+    return [(_text(port, kind, happened), fault) for (port, kind, fault), happened in groups.items()]
+
+
+def _text(port: str, kind: str, happened: Mapping[str, str]) -> str:
+    (source, what), *others = happened.items()
+    if not kind:
+        cause, check = f"the port {port} was silent", "adapter, cable and supply"
+    else:
+        checks = next((checks for begins, checks in _CHECKS.items() if what.startswith(begins)), ("", ""))
+        cause, check = (f"{len(happened)} servos: {kind}", checks[1]) if others else (f"{source} {what}", checks[0])
+    said = cause + f". Check {check}." * bool(check)
+    return said + f" Servos: {listed(source.partition(' ')[0] for source in happened)}" if others or not kind else said

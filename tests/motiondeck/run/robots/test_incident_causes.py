@@ -1,0 +1,134 @@
+"""Incidents are told by their cause: a silent port is one event, a pulled servo another, and nothing is left out."""
+
+from collections import Counter
+from types import SimpleNamespace
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from benchmarks.simulated_time import EmulatedPort
+from controller.motion.skeleton import Pose
+from hardware.bus.servo_bus import Bus
+from hardware.emulator.bus import EmulatedBus
+from hardware.rig.rig_file import load_rig
+from hardware.rig.supervision.health import Incident
+from hardware.rig.supervision.rig import Rig
+from motiondeck.run.report import RunNews
+from motiondeck.run.robots.incident_causes import explained
+from motiondeck.run.robots.rig_output import RigOutput
+from motiondeck_base.shipped import find_rig
+
+PORTS = {f"{side}_{name} (id {number})": side for side in "lr" for number, name in enumerate(("hip", "knee", "ankle"))}
+WHATS = ["does not answer", "was cut off for longer than watchdog_ms", "has a low supply voltage: 8.1 V", "is limp"]
+INCIDENTS = st.lists(
+    st.builds(Incident, st.just(0.0), st.sampled_from([*PORTS, "the port l"]), st.sampled_from(WHATS), st.booleans()),
+    max_size=12,
+)
+
+
+def told(incidents):
+    return explained(incidents, {f"{one.source} {one.what}" for one in incidents}, PORTS)
+
+
+@given(INCIDENTS)
+def test_every_servo_is_named_in_an_event_of_its_cause(incidents):
+    events = told(incidents)
+    assert len(events) == len({*events}) <= len(incidents)
+    for one in incidents:
+        texts = [text for text, fault in events if one.source.partition(" (")[0] in text and fault == one.fault]
+        assert any(word in text for word in ("was silent", one.what.partition(":")[0]) for text in texts)
+
+
+@given(INCIDENTS)
+def test_a_port_is_silent_when_two_of_its_servos_are(incidents):
+    for port in "lr":
+        silent = {one.source for one in incidents if one.fault and one.what in WHATS[:2] and one.source[0] == port}
+        said = [text for text, _ in told(incidents) if f"the port {port} was silent" in text]
+        assert len(said) == (len(silent) > 1)
+        assert all(source.partition(" (")[0] in said[0] for source in silent if len(silent) > 1)
+
+
+@given(INCIDENTS, st.randoms(use_true_random=False))
+def test_events_do_not_depend_on_which_incident_came_first(incidents, random):
+    once = [Incident(0.0, one.source, WHATS[0] if one.what in WHATS[:2] else one.what, one.fault) for one in incidents]
+
+    def words(some):
+        return Counter(frozenset(text.replace(",", "").split()) for text, _ in told(some))
+
+    assert words(once) == words(random.sample(once, len(once)))
+
+
+def test_what_comes_of_a_silent_port_is_told_as_that_and_later_as_something_else():
+    silent = [Incident(10.0, source, "does not answer") for source in [*PORTS][:3]]
+    idle = [Incident(at, [*PORTS][3 * (at > 12.0)], "does not follow its target") for at in (11.5, 17.0)]
+    new = f"{idle[0].source} {idle[0].what}"
+    assert explained([*silent, idle[0]], {new}, PORTS)[0][0].startswith("the port l was silent.")
+    new = f"{idle[1].source} {idle[1].what}"
+    assert explained([*silent, *idle], {new}, PORTS) == [(new, True)]
+
+
+class Line(EmulatedPort):
+    """A port through which nothing comes or goes while it is silent."""
+
+    silent = False
+
+    def send(self, data):
+        return True if self.silent else super().send(data)
+
+    def receive(self, likely=False):
+        data = super().receive(likely)
+        return b"" if self.silent else data
+
+
+TICK = 0.01
+
+
+class Played:
+    """A rig of twenty servos that is played, and the events of its run, each with its time."""
+
+    def __init__(self):
+        config = load_rig(find_rig("servo20"))
+        self.line = Line(EmulatedBus(config))
+        rig = Rig(config, lambda part: Bus(self.line, part.baud), beside=False, sleep=self.line.elapse)
+        self.output = RigOutput(rig, rig.names, 1.0 / TICK)
+        self.events = []
+        channel = SimpleNamespace(output=self.output, faults=0, fault="", parked=False)
+        handler = SimpleNamespace(
+            notify=lambda kind, text, motion="": self.events.append((self.line.now(), kind, text))
+        )
+        self.news = RunNews(handler, SimpleNamespace(period=TICK, overruns=0), [channel], [])
+        self.play(0.3)
+        assert self.events == []
+
+    def play(self, seconds):
+        pose, still = Pose(np.zeros(3), np.array(0.0), np.zeros((1, 4))), self.output.rig.positions.copy()
+        for _ in range(round(seconds / TICK)):
+            self.output.write(still, pose)
+            self.news.update()
+            self.line.elapse(TICK)
+
+    @property
+    def faults(self):
+        return [text for _, kind, text in self.events if kind == "fault"]
+
+
+def test_a_port_that_was_silent_is_one_event_within_a_second():
+    run = Played()
+    began, run.line.silent = run.line.now(), True
+    run.play(0.6)
+    run.line.silent = False
+    run.play(1.0)
+    assert [text.partition(" Servos:")[0] for text in run.faults] == [
+        "rig: the port /dev/ttyUSB0 was silent. Check adapter, cable and supply."
+    ]
+    assert run.events[0][0] - began < 1.0
+
+
+def test_a_pulled_servo_is_another_event_within_a_second():
+    run = Played()
+    began = run.line.now()
+    run.line.bus[18].dead = True
+    run.play(1.2)
+    assert run.faults == ["rig: l_knee (id 18) does not answer. Check its plug and cable."]
+    assert run.events[0][0] - began < 1.0
