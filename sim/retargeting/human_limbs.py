@@ -16,11 +16,12 @@ from controller.motion.rotations import Array, conjugate, multiply
 from controller.motion.skeleton import ROOT, Pose, Skeleton
 from motiondeck_base.errors import FileFormatError
 
-# The rows of a view; the last six are axes of head, chest and pelvis.
+# The rows of a view; six are axes of head, chest and pelvis.
 LIMBS = (
     *("r_upper_arm", "r_forearm", "l_upper_arm", "l_forearm"),
     *("r_thigh", "r_shank", "r_foot", "l_thigh", "l_shank", "l_foot"),
     *("head_ahead", "head_left", "chest_ahead", "chest_left", "pelvis_ahead", "pelvis_left"),
+    *("r_arm_hand", "l_arm_hand"),
 )
 Vector = Sequence[float]
 AHEAD, LEFT, UP = np.eye(3)
@@ -29,7 +30,7 @@ FAINT = 1e-3  # m: weight of the root's or chest's own axes where a skeleton's h
 
 
 class LimbView:
-    """Directions of one skeleton's limbs with their `length` (16,), m; FileFormatError if a limb is missing."""
+    """Directions of one skeleton's limbs with their `length` (18,), m; FileFormatError if a limb is missing."""
 
     def __init__(self, skeleton: Skeleton) -> None:
         lacks = leg_without_name(skeleton)
@@ -46,12 +47,14 @@ class LimbView:
         arms = [bone(part, side) for side in ("right", "left") for part in ("upper arm", "forearm")]
         legs = [bone(part, side) for side in ("right", "left") for part in ("thigh", "shank", "foot")]
         bones, head = [*arms, *legs], parts.first("head")
+        # A hand that no bone tells of is straight.
+        hands = [parts.first("hand", side) or arm for side, arm in zip(("right", "left"), arms[1::2], strict=True)]
         chest = int(skeleton.parent[arms[0]])
         self.length = np.concatenate([skeleton.length[bones], np.ones(len(LIMBS) - len(bones))])
         # Each row is a sum of vectors that turn with the root and the bones.
-        vectors = np.zeros((len(bones) + 5, 1 + len(skeleton), 3))
-        vectors[np.arange(len(bones)), 1 + np.array(bones)] = skeleton.rest_direction[bones]
-        vectors[[-5, -4], 1 + (chest if head is None else head)] = AHEAD, LEFT
+        vectors = np.zeros((len(bones) + 7, 1 + len(skeleton), 3))
+        vectors[[*range(len(bones)), -5, -4], 1 + np.array(bones + hands)] = skeleton.rest_direction[bones + hands]
+        vectors[[-7, -6], 1 + (chest if head is None else head)] = AHEAD, LEFT
         right, left, right_hip, left_hip = (_way_to(skeleton, one) for one in (arms[0], arms[2], legs[0], legs[3]))
         lines = 0.5 * (right + left - right_hip - left_hip), left - right, left_hip - right_hip
         vectors[-3:, 1:] = np.stack(lines)[:, :, None]
@@ -74,19 +77,19 @@ class LimbView:
         self._turn[:, -9:] = _turns(self._lines * own + self._faint)
 
     def __call__(self, pose: Pose) -> Array:
-        """The unit vectors of LIMBS in the world, shape (16, 3)."""
+        """The unit vectors of LIMBS in the world, shape (18, 3)."""
         if pose.offsets is not self._offsets:
             self._fit(pose.offsets)
         q = pose.rotation.ravel().take(self._entries).reshape(-1, 4)
         rows = ((q[:, :, None] * q[:, None, :]).ravel() @ self._turn).reshape(-1, 3)
         found = np.empty((len(LIMBS), 3))
-        found[:12] = rows[:12]
-        line, shoulders, hips = rows[12:].tolist()
+        found[:12], found[16:] = rows[:12], rows[12:14]
+        line, shoulders, hips = rows[14:].tolist()
         chest_ahead, chest_left, (ux, uy, uz) = _axes(line, shoulders)
         bend = 0.5 * BEND * float((rows[4] + rows[7]) @ chest_ahead)
         c, s, (ax, ay, az) = cos(bend), sin(bend), chest_ahead
         pelvis_ahead, pelvis_left, _ = _axes((c * ux - s * ax, c * uy - s * ay, c * uz - s * az), hips)
-        found[12:] = chest_ahead, chest_left, pelvis_ahead, pelvis_left
+        found[12:16] = chest_ahead, chest_left, pelvis_ahead, pelvis_left
         return found
 
 

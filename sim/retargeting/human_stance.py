@@ -192,7 +192,7 @@ class FlatFeet:
         self.slope[foot] = min(max(self.slope[foot], -STEEPEST), STEEPEST)
 
     def __call__(self, directions: Array) -> Array:
-        """The directions of the limbs (16, 3) with feet that slope by FOOT_SLOPE where they stand flat."""
+        """The directions of the limbs (18, 3) with feet that slope by FOOT_SLOPE where they stand flat."""
         turned = directions
         for (shank, foot), slope in zip(_FEET, self.slope, strict=True):
             angle = FOOT_SLOPE - slope

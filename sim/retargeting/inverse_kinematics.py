@@ -26,7 +26,7 @@ from controller.motion.rotations import Array, cross
 from controller.motion.skeleton import Pose, Skeleton
 from sim.retargeting.human_limbs import LIMBS
 from sim.retargeting.human_stance import HumanStance
-from sim.retargeting.limb_finder import FEET, PLANE, SIDES, TRUNK
+from sim.retargeting.limb_finder import FEET, HAND, PLANE, SIDES, TRUNK
 from sim.retargeting.planted_feet import PlantedFeet
 from sim.retargeting.robot_limbs import RobotLimbs
 from sim.retargeting.robot_trunk import RobotTrunk, turned_by, vector_of
@@ -44,8 +44,7 @@ TIPTOE = 0.2
 # Weights of standing feet: distance along the floor, difference of height, additional weight of the toes.
 APART, HIGHER, TURNED = 15.0, 3.0, 4.0
 # The plane of an arm, times the sine of the human's bend: a straight arm has none.
-WEIGHT |= {PLANE: 4.0}
-WEIGHT |= {"upper_arm_start": 2.0, "thigh_start": 2.0}
+WEIGHT |= {PLANE: 4.0, "upper_arm_start": 2.0, "thigh_start": 2.0}
 # Weights of 1 rad away from rest, and of 1 rad in a step.
 POSTURE = 3e-4
 DAMPING = 3e-3
@@ -120,7 +119,7 @@ class LimbSolver:
         self._longest = max(limbs.reach.values())
         self._weight = np.array([WEIGHT.get(kind, 1.0) for kind in kinds])[:, None] / self._longest
         for k, kind in enumerate(kinds):
-            if kind in ("upper_arm", "forearm"):
+            if kind in ("upper_arm", "forearm", HAND):
                 half = 0.5 * limbs.reach[f"{self.names[k][0]}_arm"]
                 self._weight[k] *= half / max(limbs.vectors.length[k], 0.1 * half)
         self._has_feet = FEET in self.names  # the last one
@@ -129,6 +128,10 @@ class LimbSolver:
         self._hold = np.zeros((3, 3))
         # The trunk does not bend for what an arm cannot reach: joints of the chest do not count for arms and head.
         along = np.outer(self._goals.on_chest, limbs.turns_chest)
+        hands = [k for k, kind in enumerate(kinds) if kind == HAND]
+        self._no_limbs = hands + [-1] * self._has_feet
+        for k in hands:  # a hand turns in its wrist alone
+            along[k] |= limbs.moved[self.names.index(f"{self.names[k][0]}_arm")]
         self._slope = self._weight[:, :, None] * ~along[:, None, :]
         # Arms and head do not tilt the pelvis either; points that hang from it turn with it.
         self._tilts = (self._goals.turns & ~self._goals.on_chest)[:, None]
@@ -153,7 +156,7 @@ class LimbSolver:
         self._count, self._square, self._worst = 0, np.zeros(len(self.names)), np.zeros(len(self.names))
 
     def __call__(self, directions: Array, up: Array, planted: PlantedFeet | None = None) -> Array:
-        """Targets (N,), rad, for directions of the limbs (16, 3) and the vertical (3,), in the frame of the root."""
+        """Targets (N,), rad, for directions of the limbs (18, 3) and the vertical (3,), in the frame of the root."""
         lower, upper = self._limits.lower, self._limits.upper
         goals, q = self._goals(directions, up), self.q
         for row in self._soles:
@@ -218,7 +221,7 @@ class LimbSolver:
         return {
             name: {"rms_m": float(rms[k]), "worst_m": float(np.sqrt(self._worst[k]))}
             for k, name in enumerate(self.names)
-            if name != FEET and not name.endswith(PLANE)
+            if name != FEET and not name.endswith((PLANE, HAND))
         }
 
     def _advance(self, q: Array, goals: Array, low: Array, high: Array, tilts: float = 0.0) -> tuple[Array, Array]:
@@ -265,8 +268,7 @@ class LimbSolver:
             return q, np.zeros(len(self.names))
         step = np.minimum(np.maximum(step, low), high)
         left = (miss - jacobian @ step).reshape(-1, 3) / self._weight
-        if self._has_feet:
-            left[-1] = 0.0  # no limb
+        left[self._no_limbs] = 0.0
         if tilts:
             self.tilt = self.tilt @ turned_by(step[count:].tolist())
         return q + step[:count], np.einsum("ij,ij->i", left, left)
@@ -305,7 +307,7 @@ class Goals:
         self.turns = ~starts  # whether they keep their directions when the pelvis tilts, shape (K,)
 
     def __call__(self, directions: Array, up: Array) -> Array:
-        """The goals (K, 3), m, for directions (16, 3) and the vertical (3,); shoulders as the chest sees them."""
+        """The goals (K, 3), m, for directions (18, 3) and the vertical (3,); shoulders as the chest sees them."""
         goals = self._held + self._mix @ directions
         for k, thigh, shank, foot in self._feet:
             goals[k], goals[k + 1] = self._length[k] * sole(directions[thigh], directions[shank], directions[foot], up)

@@ -49,9 +49,11 @@ def without_legs(parts: Collection[str]) -> bool:
 
 FEET = "feet"  # the last vector, from the right sole to the left one: keeps standing feet in place
 TRUNK = "trunk"  # from the middle of the hips to that of the shoulders
+HAND = "arm_hand"  # from the wrist to the middle of the hand
 PLANE = "arm_plane"  # the normal of a bent arm's plane, such as "r_arm_plane": the elbow folds about it
 BALL = 0.75  # of the length of a sole, from its heel
 CARRIED = 0.5  # lengths of the limb above the knee or elbow
+WRIST, SHORT = 0.4, 0.1  # of a forearm: how far from its end a wrist's hinges are; a shorter hand points nowhere
 BALL_HINGES = 3  # turn a limb like a ball joint
 STEEPEST_SOLE = 0.5  # largest slope of a sole at rest, rad
 
@@ -164,6 +166,8 @@ class LimbFinder:
         bent = int(self._model.jnt_bodyid[knee_joint])
         if whole == "arm":
             self._add(f"{side}_{second}", (bent, knee), (tip_body, tip))
+            if end is not None:
+                self._hand(side, end, tip, float(np.linalg.norm(tip - knee)))
         # A distant joint (a clavicle's) shall not carry the limb's start along, if the other joints point it anywhere.
         far = CARRIED * float(np.linalg.norm(knee - start))
         levers = np.cross(self._data.xaxis[hips], start - self._data.xanchor[hips])
@@ -200,6 +204,17 @@ class LimbFinder:
             raise self._no_hinge(end)
         found = end_hinge(self._data, way, knee, upper)
         return way[0] if found is None else found
+
+    def _hand(self, side: str, hand: int, wrist: Array, forearm: float) -> None:
+        """Adds a hand beyond the last hinge of its wrist, if solids tell where it is, for a forearm of a length."""
+        model, data, palm = self._model, self._data, hand
+        while len(lower := np.flatnonzero((model.body_parentid == palm) & (model.body_jntnum > 0))) == 1:
+            if np.linalg.norm(data.xanchor[model.body_jntadr[lower[0]]] - wrist) > WRIST * forearm:
+                break
+            palm = int(lower[0])
+        points = self._surface.part(np.array(below(model, palm))).positions(data)
+        if len(points) and np.linalg.norm(points.mean(axis=0) - wrist) > SHORT * forearm:
+            self._add(f"{side}_{HAND}", (hand, wrist), (palm, points.mean(axis=0)))
 
     def _no_hinge(self, body: int) -> FileFormatError:
         name = self._model.body(body).name

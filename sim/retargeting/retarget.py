@@ -158,7 +158,7 @@ class LimbAngles:
         self._since_look: dict[int, float] = dict.fromkeys(ARMS, 0.0)  # s
 
     def __call__(self, direction: Array, up: Vector) -> list[float]:
-        """The angles of SERVO_HUMANOID_JOINTS for limbs that point in the directions (16, 3), seen from the root."""
+        """The angles of SERVO_HUMANOID_JOINTS for limbs that point in the directions (18, 3), seen from the root."""
         self._started = self._direction is not None
         if self._direction is None:
             moved = [10.0] * len(direction)

@@ -175,7 +175,7 @@ def _raised(joint: int, sign: float, rest: float, limits: JointLimits) -> float:
 
 
 def limb_directions(limbs: RobotLimbs) -> Array:
-    """Directions of a robot's limbs seen from its pelvis, as of LimbView, shape (16, 3); zero for missing limbs."""
+    """Directions of a robot's limbs seen from its pelvis, as of LimbView, shape (18, 3); zero for missing limbs."""
     start, end = limbs.positions()
     vector = dict(zip(limbs.vectors.names, end - start, strict=True))
     chest = limbs.chest_rotation()

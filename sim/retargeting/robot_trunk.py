@@ -49,7 +49,7 @@ class RobotTrunk:
         self.pelvis = np.eye(3)  # its rotation at the last call, shape (3, 3)
 
     def __call__(self, pose: Pose) -> Array:
-        """The directions of LIMBS seen from the robot's pelvis, shape (16, 3); the chest as the waist can turn it."""
+        """The directions of LIMBS seen from the robot's pelvis, shape (18, 3); the chest as the waist can turn it."""
         self._pose, waist = pose, self._waist
         world = self.view(pose)
         chest, bend = _frame(world[_CHEST : _CHEST + 2]), STRAIGHT
@@ -91,7 +91,7 @@ class UprightTrunk(RobotTrunk):
     """The same of a robot without legs: its pelvis stays upright, and of the human's lean it has what its waist can."""
 
     def __call__(self, pose: Pose) -> Array:
-        """The directions of LIMBS seen from a pelvis that faces as the human does, shape (16, 3)."""
+        """The directions of LIMBS seen from a pelvis that faces as the human does, shape (18, 3)."""
         self._pose, bend = pose, STRAIGHT
         world = self.view(pose)
         self.pelvis = turned_by([0.0, 0.0, facing(world)])
@@ -103,7 +103,7 @@ class UprightTrunk(RobotTrunk):
 
 
 def facing(lines: Array) -> float:
-    """Where a human with these LIMBS in the world (16, 3) faces, about z from x, rad: between pelvis and chest."""
+    """Where a human with these LIMBS in the world (18, 3) faces, about z from x, rad: between pelvis and chest."""
     x, y, _ = (lines[_CHEST + 1] + lines[_PELVIS + 1]).tolist()
     return atan2(-x, y)
 

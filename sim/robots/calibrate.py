@@ -220,7 +220,7 @@ def calibrate(path: Path, packages: Mapping[str, Path] | None = None, bends: Col
 
 
 def standing_human() -> Array:
-    """The limbs of a standing human with hanging arms, shape (16, 3)."""
+    """The limbs of a standing human with hanging arms, shape (18, 3)."""
     out, bent, knee = 0.12, 0.25, 0.08
     directions: dict[str, tuple[float, ...]] = {f"{part}_ahead": (1, 0, 0) for part in ("head", "chest", "pelvis")}
     directions |= {f"{part}_left": (0, 1, 0) for part in ("head", "chest", "pelvis")}
@@ -232,7 +232,7 @@ def standing_human() -> Array:
             f"{side}_shank": (-np.sin(knee), 0.0, -np.cos(knee)),
             f"{side}_foot": (np.cos(FOOT_SLOPE), 0.0, -np.sin(FOOT_SLOPE)),
         }
-    return np.array([directions[name] for name in LIMBS])
+    return np.array([directions[name.replace("arm_hand", "forearm")] for name in LIMBS])
 
 
 def fitting_angles(
@@ -305,7 +305,7 @@ def _ankle_rolls(limbs: RobotLimbs, joints: tuple[str, ...], rest: Array) -> dic
 
 
 def rest_pose(limbs: RobotLimbs, limits: JointLimits, stand: Array) -> Array:
-    """The joints (N,), rad, that match the limbs (16, 3) of a standing human."""
+    """The joints (N,), rad, that match the limbs (18, 3) of a standing human."""
     poses = stand, _bent(stand)
     rest = np.clip(np.zeros(len(limits.lower)), limits.lower, limits.upper)
     found, missed = _tried(limbs, limits, rest, poses)

@@ -33,7 +33,7 @@ class Carried:
     wanted: Array  # retargeted joints, clipped to their ranges, shape (T, J), rad
     played: Array  # the same after the target limiter, shape (T, J), rad
     qpos: Array  # the robot that plays them, shape (T, nq)
-    limbs: Array  # directions of the human's limbs in the world, as of `human_lines`, shape (T, 16, 3)
+    limbs: Array  # directions of the human's limbs in the world, as of `human_lines`, shape (T, 18, 3)
     altered: float = 0.0  # share of the joint targets that the limiter changed
 
 
@@ -68,7 +68,7 @@ def lines_for(robot: Robot, clip: Clip) -> Array:
 
 
 def human_lines(clip: Clip) -> Array:
-    """Directions of LIMBS in the world, shape (T, 16, 3): limbs and the chest's axes from the joints' positions alone.
+    """Directions of LIMBS in the world, shape (T, 18, 3): limbs and the chest's axes from the joints' positions alone.
 
     The chest is the frame of the line from the middle of the hips to that of the shoulders and of the line through the
     shoulders. Feet, head and pelvis are those of `LimbView`.

@@ -85,7 +85,7 @@ class LimbDirections:
         return found
 
     def degrees(self, qpos: Array, limbs: Array) -> Array:
-        """Angles to a human's limbs (T, 16, 3) for qpos (T, nq) by frame and segment, shape (T, K), degrees."""
+        """Angles to a human's limbs (T, 18, 3) for qpos (T, nq) by frame and segment, shape (T, K), degrees."""
         return degrees_between(np.array([self(q) for q in qpos]), self.goals(limbs, qpos))
 
     def trunk_errors(self, qpos: Array, limbs: Array) -> Array:
@@ -99,7 +99,7 @@ class LimbDirections:
         return degrees_between(lines, np.cross(ahead, left))
 
     def goals(self, limbs: Array, qpos: Array) -> Array:
-        """A human's limbs (T, 16, 3), in the world, seen from the trunk of a robot at qpos (T, nq): shape (T, K, 3)."""
+        """A human's limbs (T, 18, 3), in the world, seen from the trunk of a robot at qpos (T, nq): shape (T, K, 3)."""
         rows = [LIMBS.index(segment.name) for segment in self.segments]
         trunks = [segment.trunk for segment in self.segments]
         stood, found = self.standing.xmat.reshape(-1, 3, 3)[trunks], np.empty((len(qpos), len(rows), 3))
