@@ -120,8 +120,7 @@ class OtherDeck:
     """
 
     name: Literal["deck"] = "deck"
-    hurry, jumps_beyond = 1.0, 0.8
-    per_minute: None = None
+    hurry, jumps_beyond, per_minute = 1.0, 0.8, None
 
     def __init__(self, leader: Leader, ahead: float = 0.0) -> None:
         self._leader, self._ahead = leader, ahead
@@ -156,8 +155,8 @@ class Person:
     """A person that leads, seen now and then in a motion."""
 
     name: Literal["person"] = "person"
-    hurry, jumps_beyond = 8.0, 0.4  # people stop within 50 ms, and half a round away is too far to catch up
-    per_minute: None = None
+    # People stop within 50 ms, and half a round away is too far to catch up.
+    hurry, jumps_beyond, per_minute = 8.0, 0.4, None
 
     def __init__(self) -> None:
         self._motion, self._phase, self._tempo, self._time = "", 0.0, 1.0, -math.inf
