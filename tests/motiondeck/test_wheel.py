@@ -134,7 +134,7 @@ def answers(url):
     deadline = time.monotonic() + 60.0
     while time.monotonic() < deadline:
         try:
-            with urllib.request.urlopen(url, timeout=5) as page:
+            with urllib.request.urlopen(url, timeout=30) as page:
                 return page.status == 200
         except OSError:
             time.sleep(0.05)

@@ -119,7 +119,6 @@ def swings(emulator, seconds):
 def test_a_taught_wave_loops_and_switches_to_a_taught_nod(tmp_path):
     typed = blocks(PAGE)[:6]
     assert [number for number, _ in typed] == [1, 2, 2, 2, 2, 3]
-    began = time.monotonic()
     terminals = {number: Terminal(tmp_path) for number in (1, 2, 3)}
     emulator = terminals[1]
     try:
@@ -154,7 +153,6 @@ def test_a_taught_wave_loops_and_switches_to_a_taught_nod(tmp_path):
     finally:
         for terminal in terminals.values():
             terminal.close()
-    assert time.monotonic() - began < 180.0
 
 
 @pytest.mark.documented
