@@ -322,29 +322,27 @@ static float beyond(md_player *p, md_fade fade) {
   return most(sqrtf(hardest) / (step * step) / (PLANNED_SHARE * p->bound_acceleration), speed * speed);
 }
 
-static void try_fade(md_player *p, md_fade *longest) {
+/* One trial; the fade to go on with (FadeSearch._try). */
+static md_fade try_fade(md_player *p) {
   static const float slowed_within[3] = {1.0f, 0.5f, 0.25f};
   md_fade fade = p->candidate;
   float use = beyond(p, fade), duration;
-  int better = use < p->least;
-  p->trials++;
+  int better = use < p->least, exhausted;
+  if (++p->trials == 1) p->hasty = p->already > PLANNED_SHARE * p->bound_speed;
   if (better) p->best = fade, p->least = use;
-  if (fade.duration >= LONGEST)
-    p->slowed++, duration = SHORTEST;
+  p->rises = use > ALL_BUT * p->last ? p->rises + 1 : 0;
+  p->last = use;
+  exhausted = fade.duration >= LONGEST || p->rises == 2;
+  if (exhausted)
+    p->slowed++, duration = p->best.duration, p->last = FARTHEST, p->rises = 0;
   else
     duration = least(LONGEST, fade.duration * most(LONGER, sqrtf(use)));
   float allowed = ALL_BUT + YIELDING * (float)(p->trials > PATIENT_TRIALS ? p->trials - PATIENT_TRIALS : 0);
   p->found = p->least <= allowed || p->slowed == 3;
-  if (p->found) {
-    *longest = p->best;
-    return;
-  }
-  p->candidate.duration = duration, p->candidate.slowing = slowed_within[p->slowed] * duration;
-  if (!better) return;
-  if (fade.slowing < fade.duration)
-    *longest = fade;
-  else if (p->candidate.duration > longest->duration)
-    *longest = p->candidate;
+  if (p->found) return p->best;
+  p->candidate.duration = duration;
+  p->candidate.slowing = slowed_within[p->hasty ? 2 - p->slowed : p->slowed] * duration;
+  return better && !exhausted && fade.slowing == fade.duration ? p->candidate : p->best;
 }
 
 /* Goes over to another fade; the gap between both runs out in turn (Fading._go_over_to). */
@@ -375,12 +373,12 @@ static void advance_fade(md_player *p) {
     p->candidate = p->best = p->fade;
   }
   if (!p->found) {
-    md_fade longest = p->fade;
-    while (!p->found && (float)(p->trials + 1) * TRIAL_EVERY < p->searched - SOON) try_fade(p, &longest);
+    md_fade fade = p->fade;
+    while (!p->found && (float)(p->trials + 1) * TRIAL_EVERY < p->searched - SOON) fade = try_fade(p);
     if (p->elapsed > 0.0f)
-      go_over_to(p, longest);
+      go_over_to(p, fade);
     else
-      p->fade = longest;
+      p->fade = fade;
   }
   p->elapsed += p->dt, p->gap_elapsed += p->dt;
   if (p->gap_elapsed >= SHORTEST - SOON) p->has_gap = 0;
@@ -393,9 +391,9 @@ static void begin_fade(md_player *p, float onset, float speed, float acceleratio
     p->value[j] = p->shown[j] - t->now[j];
     p->rate[j] = (p->value[j] - (p->posture[j] - t->before[j])) / p->dt;
   }
-  p->fading = 1, p->begun = p->found = p->has_gap = p->trials = p->slowed = 0;
+  p->fading = 1, p->begun = p->found = p->has_gap = p->trials = p->slowed = p->rises = 0;
   p->elapsed = p->gap_elapsed = p->searched = p->already = 0.0f;
-  p->least = FARTHEST, p->onset = onset;
+  p->least = p->last = FARTHEST, p->onset = onset;
   p->bound_speed = FASTEST * speed, p->bound_acceleration = acceleration;
   p->course_at = t->at, p->course_tempo = p->tempo;
 }

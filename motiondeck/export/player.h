@@ -109,9 +109,9 @@ typedef struct {
   float value[MD_MOST_JOINTS], rate[MD_MOST_JOINTS], gap_value[MD_MOST_JOINTS], gap_rate[MD_MOST_JOINTS];
   float elapsed, gap_elapsed, onset;
   /* The search for its duration, and the course of the motion that it considers. */
-  int found, trials, slowed;
+  int found, trials, slowed, rises, hasty;
   md_fade best, candidate;
-  float searched, least, already, bound_speed, bound_acceleration, course_at, course_tempo;
+  float searched, least, last, already, bound_speed, bound_acceleration, course_at, course_tempo;
   /* The limits of the join, the largest of its motions, and from which use of them on the fade is replaced. */
   int limited;
   float join_speed, join_acceleration, own_speed, own_acceleration, correct_from;

@@ -130,6 +130,7 @@ class Panel:
         self._tap = self._add_tap() if about.has_phase else None
         if about.groups and about.library_file:
             self._add_layers(about.groups)
+        if (about.live or about.gazes) and about.library_file:
             with gui.add_folder("live values", expand_by_default=False):
                 fixed = {"groups": about.live, "gaze": about.gazes}
                 self.parts.add("live-values", "live-values", fixed, self._follow_hand).show({})

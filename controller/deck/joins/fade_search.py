@@ -1,8 +1,10 @@
 """Fades: the search for the duration of a fade, the shortest that keeps joints in bounds, and the fade while it runs.
 
 A trial computes speed and acceleration of the joints under a fade over the target's next course. From SHORTEST on the
-fade is made longer until it is in bounds. If none up to LONGEST is, its rate runs out in half of the time, and then in
-a quarter. With each trial the best fade so far may exceed the bounds by more: until one is found, the body swings on.
+fade is made longer until it is in bounds. If none up to LONGEST is, or two in turn are worse than the one before, its
+rate runs out in half of the time, and then in a quarter; a body that is too fast when the search begins is slowed down
+in a quarter first. With each trial the best fade so far may exceed the bounds by more: until one is found, the body
+swings on.
 
 A trial takes about as long as a tick has to spare, and three are usual. So they run while the fade begins (`Fading`):
 the difference is found in the first tick, and then there is one trial in TRIAL_EVERY seconds. The ticks in which trials
@@ -49,14 +51,15 @@ class FadeSearch:
         chain: Array,
         bounds: Bounds,
     ) -> None:
-        # The one that was found; until then the longest that has been considered after a better one than any before, or
-        # the best, once that slows the body down sooner; None before the first step.
+        # The one that was found; until then the best, or, while the longer is the better, the next one to try; None
+        # before the first step.
         self.fade: Fade | None = None
         self.found = False
         self.trials = 0
         self._differ, self._ahead, self._chain, self._bounds = differ, ahead, chain, bounds
         self._shares = list(_SLOWED_WITHIN)
         self._least, self._already = np.inf, 0.0
+        self._last, self._rises = np.inf, 0  # the use by the trial before, and how often in turn it has risen
         self._elapsed = 0.0
 
     def advance(self, dt: float) -> Fade:
@@ -65,17 +68,21 @@ class FadeSearch:
             self.fade = self._candidate = self._best = Fade(SHORTEST, SHORTEST, *self._differ())
         self._elapsed += dt
         while not self.found and (self.trials + 1) * TRIAL_EVERY < self._elapsed - 1e-9:
-            self.fade = self._try(self.fade)
+            self.fade = self._try()
         return self.fade
 
-    def _try(self, longest: Fade) -> Fade:
+    def _try(self) -> Fade:
         fade, self.trials = self._candidate, self.trials + 1
         beyond = self._beyond(fade)
+        if self.trials == 1 and self._already > PLANNED_SHARE * self._bounds.speed:
+            self._shares.reverse()
         if better := beyond < self._least:
             self._best, self._least = fade, beyond
-        if fade.duration >= LONGEST:
+        self._rises = self._rises + 1 if beyond > _ALL_BUT * self._last else 0
+        self._last = beyond
+        if exhausted := fade.duration >= LONGEST or self._rises == 2:
             self._shares.pop(0)
-            duration = SHORTEST
+            duration, self._last, self._rises = self._best.duration, np.inf, 0
         else:
             duration = min(LONGEST, fade.duration * max(_LONGER, float(np.sqrt(beyond))))
         allowed = _ALL_BUT + _YIELDING * max(0, self.trials - _PATIENT_TRIALS)
@@ -83,9 +90,7 @@ class FadeSearch:
         if self.found:
             return self._best
         self._candidate = replace(fade, duration=duration, slowing=self._shares[0] * duration)
-        if fade.slowing < fade.duration:  # swinging on has proved worse than being slowed down sooner
-            return fade if better else longest
-        return max(longest, self._candidate, key=lambda one: one.duration) if better else longest
+        return self._candidate if better and not exhausted and fade.slowing == fade.duration else self._best
 
     def _beyond(self, fade: Fade) -> float:
         """The use of the planned share of the bounds by a fade; 1 is the limit."""

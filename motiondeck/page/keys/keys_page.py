@@ -97,6 +97,7 @@ HAND_ON = 0.5  # s for which a hand keeps what it has set
 SHOWN_EVERY = 0.12  # s: sliders and hand while it plays
 CURVE_POINTS, PANEL_WIDTH = 160, 332  # pixels
 POSED = "This pose is no key yet: choose its time and set it, or press Play to leave it."
+BACK = "From its last key on, a loop goes back to its first: write it as once, which stays there, and loop in the end."
 REAL = "The servos move. Keep clear of the rig, and know how to cut its power."
 
 
@@ -160,7 +161,6 @@ class KeysPage:
         self._hear(self._learn, self._learn_and_play)
         self._stop = gui.add_button("Stop playing", color=STOPS, hint="Ends the run; its joints come to rest")
         self._hear(self._stop, lambda _: rehearsal.stop())
-        self._run_line = gui.add_html("")
         parts = PageParts(page)
         heard = partial(self._do, self._hear_strip)
         self._strip = parts.add("key-strip", "key-strip", heard=lambda said, event: heard(event, said))
@@ -300,9 +300,9 @@ class KeysPage:
         self._bring(self._plays, sheet.plays)
         page = f' · <a href="{run.address}" target="_blank" rel="noopener">its page</a>' if run.address else ""
         page = page if run.busy else ""
-        line = f'<div id="rehearsal" style="padding:2px 14px;font-size:13px">{escape(run.said)}{page}</div>'
-        if self._run_line.content != line:
-            self._run_line.content, self._stop.disabled = line, not run.busy
+        line = f'{self._about}<div id="rehearsal">{escape(run.said)}{page}</div></div>'
+        if self._line.content != line:
+            self._line.content, self._stop.disabled = line, not run.busy
 
     def _refresh(self) -> None:
         """Brings the page up to date after a change."""
@@ -315,15 +315,16 @@ class KeysPage:
         self._set.label = f"{'Change' if here in sheet.keys else 'Set'} key at {here:g} s"
         self._delete.disabled = here not in sheet.keys
         self._time.max = sheet.length
-        lines = [self._said, *([(POSED, "#1c7ed6")] if self._posed else [])]
+        back = sheet.plays == "loop" and here > max(sheet.keys, default=here) and not self._head.playing
+        lines = [self._said, *([(POSED, "#1c7ed6")] if self._posed else []), *([(BACK, "inherit")] if back else [])]
         lines += [(f"{text}, from {begins:.2f} to {ends:.2f} s", BAD) for begins, ends, text in draft.held]
         said = "".join(
             f'<div style="color:{colour};margin-top:3px">{escape(text)}</div>' for text, colour in lines if text
         )
         state = f"{sheet.length:g} s, {sheet.plays} · {counted(len(sheet.keys), 'key')}{' · not saved' * draft.unsaved}"
-        self._line.content = (
+        self._about = (
             f'<div id="draft" style="padding:2px 14px;height:6em;overflow-y:auto;font-size:13px;line-height:1.35">'
-            f"<b>{escape(draft.file.name)}</b> · {state}{said}</div>"
+            f"<b>{escape(draft.file.name)}</b> · {state}{said}"
         )
         ways = ((at, key, dict.fromkeys(way for _, way in key.values())) for at, key in sheet.keys.items())
         keys = [(at, f"{at:g} s, {', '.join(easings)}: {', '.join(key)}") for at, key, easings in ways]

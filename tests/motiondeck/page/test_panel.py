@@ -13,6 +13,7 @@ from controller.wire.messages.replies import Accepted, Event
 from controller.wire.stop_door import StopDoor
 from motiondeck.page.panel import Panel
 from motiondeck.page.web.page_state import PageDescription
+from motiondeck.page.web.parts import PageParts
 from motiondeck.page.web.private_page import PrivatePage
 from waiting import PATIENCE, free_port, until
 
@@ -155,6 +156,25 @@ def test_an_emergency_stop_waits_for_no_other_command(monkeypatch):
         server.reply(sender, Accepted(message.id))
         clicks[0].join()
         page.stop()
+
+
+@pytest.mark.parametrize("groups", [[], ["arms"]])
+@pytest.mark.parametrize("live", [[], ["jaw"]])
+@pytest.mark.parametrize("gazes", [False, True])
+@pytest.mark.parametrize("file", ["", "talk.safetensors"])
+def test_live_values_are_shown_where_a_joint_or_a_gaze_takes_them_also_without_groups(
+    monkeypatch, groups, live, gazes, file
+):
+    shown, add = [], PageParts.add
+    monkeypatch.setattr(PageParts, "add", lambda self, name, *a, **b: shown.append(name) or add(self, name, *a, **b))
+    page = PrivatePage(free_port(), "test")
+    about = PageDescription(
+        model_file="", robot="head", motions=MOTIONS, groups=groups, live=live, gazes=gazes, library_file=file
+    )
+    with closing(CommandClient(free_port())) as client:
+        Panel(page, about, client, look_from=print)
+        page.stop()
+    assert ("live-values" in shown) == bool((live or gazes) and file)
 
 
 @pytest.mark.thorough

@@ -135,3 +135,27 @@ def test_nothing_is_left_in_the_end_and_all_in_the_beginning():
     assert fading.shown(STILL).rotation == pytest.approx(STILL.rotation, abs=1e-12)
     assert onsets == sorted(onsets)
     assert onsets[-1] == 1.0
+
+
+@pytest.mark.parametrize("best", [0.3, 0.5, 0.8])
+@pytest.mark.parametrize("first", [1.0, 6.0])
+def test_a_body_that_swings_farther_the_longer_it_is_given_is_slowed_down_soon(monkeypatch, first, best):
+    tried, uses = [], []
+
+    def peaks(fade, *_):
+        tried.append(fade)
+        swinging = 6.0 + 20.0 * abs(fade.duration - best)
+        uses.append(swinging if fade.slowing == fade.duration else 5.5 if fade.slowing > 0.3 * fade.duration else 5.2)
+        return np.array([first, max(first, uses[-1])]), 0.0
+
+    monkeypatch.setattr(fade_search, "peaks", peaks)
+    search = FadeSearch(lambda: (TURN, RATE), lambda times: times, BODY.chain, Bounds(5.0, 1.0))
+    while not search.found and len(tried) < 30:
+        shown = search.advance(fade_search.TRIAL_EVERY)
+        if uses and uses[-1] > min(uses):  # what was tried last is worse: back to the best, not on to what is longer
+            assert shown is tried[int(np.argmin(uses))]
+    slowed = [fade.slowing < fade.duration for fade in tried]
+    longer = [fade.duration > best for fade in tried[: slowed.index(True)]]
+    assert longer.count(True) <= 3
+    if first > 4.0:  # beyond the planned share of 5 already
+        assert slowed.index(True) == 1
