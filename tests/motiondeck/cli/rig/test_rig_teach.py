@@ -284,17 +284,23 @@ def test_a_fault_of_one_model_among_others_ends_the_run_with_its_name_and_exit_c
     clip = tmp_path / "sway.clip"
     sway = 0.3 * np.sin(np.linspace(0.0, 12 * np.pi, 500))
     save_taught_clip(taught_clip("sway", ("pan", "tilt"), 50.0, np.stack([sway, -sway], axis=1)), clip)
-    writes = []
+    text = rig.read_text()
 
-    def fail(bus):
-        writes.append(bus.moving)
-        if sum(writes) == 20:
-            bus[1].fail(32)
+    def play():
+        writes = []
 
-    with served(load_rig(rig), fail) as (_, port):
-        rig.write_text(rig.read_text().replace("/dev/nowhere", port))
-        words = ("--headless", "--command-port", "0", "--seconds", "4")
-        result = invoked("play", str(clip), "--rig", str(rig), *words)
-    assert result.exit_code == 1
-    assert "rig: pan (id 1) has shut down: overload" in result.stdout
-    assert "the rig has stopped: pan (id 1) has shut down: overload" in result.stdout
+        def fail(bus):
+            writes.append(bus.moving)
+            if sum(writes) == 20:
+                bus[1].fail(32)
+
+        rig.write_text(text)
+        with served(load_rig(rig), fail) as (_, port):
+            rig.write_text(text.replace("/dev/nowhere", port))
+            words = ("--headless", "--command-port", "0", "--seconds", "4")
+            result = invoked("play", str(clip), "--rig", str(rig), *words)
+        assert result.exit_code == 1
+        assert "rig: pan (id 1) has shut down: overload" in result.stdout
+        assert "the rig has stopped: pan (id 1) has shut down: overload" in result.stdout
+
+    tried(play)
