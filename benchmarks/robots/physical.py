@@ -12,9 +12,6 @@ fallen when its pelvis is 0.25 m lower than the carried one's for 0.3 s (after a
     replays    share of replays of what was found that stand to the end, from a start 1 mm and mrad beside
     cpu        seconds of processor time a second of motion
 
-With --push 1 the robot is pushed by 0.05 m sqrt(g h) a second, 0.5 s after the beginning and then every second, in a
-direction by the seed, and what it does next is searched from where it then is: the search is the feedback.
-
     python -m benchmarks physical ../shared/data --models published-models --download
     python -m benchmarks physical ../shared/data --motions nnRawWalk,02_04 --seeds 1 --seconds 4
 
@@ -49,10 +46,9 @@ from controller.motion.clip import Clip, ReadingOptions
 from controller.motion.formats.acclaim.amc import skeleton_of
 from controller.motion.formats.reading import read_clip
 from sim.physical.course import Batch, CarriedCourse, played
-from sim.physical.search import Effort, Sampling, Search
+from sim.physical.search import Sampling, Search
 from sim.physical.stage import RATE, OnItsFeet, PhysicalStage
 from sim.physics.physics_model import physics_model
-from sim.physics.playback import usual_push
 from sim.robots.calibrate import calibrate
 from sim.robots.joint_motion import retargeted
 from sim.robots.robot import Robot, RobotLoader
@@ -73,7 +69,6 @@ TORQUES = {
 COUNT_SHARED = 10
 LOW, TILTED, LASTS = 0.25, 50.0, 0.3  # m and degrees beside the carried pelvis, and s that it is low
 REPLAYS, NOISE = 10, 0.001  # m and rad
-FIRST_PUSH, PUSHED_EVERY = 0.5, 1.0  # s
 OURS = "search"
 PLANNERS = {OURS: Search, "sampling": Sampling}
 
@@ -132,29 +127,12 @@ def flight(model: mujoco.MjModel, qpos: Array) -> float:
     return longest / RATE
 
 
-def pushes(robot: Robot, share: float, seed: int) -> Callable[[float], Array]:
-    """How much faster pushes make the robot at a time, s, shape (2,), m/s."""
-    random, due = np.random.default_rng(seed), FIRST_PUSH
-    speed = share * usual_push(robot.model) / float(robot.model.body_mass.sum())
-
-    def pushed(now: float) -> Array:
-        nonlocal due
-        if now < due:
-            return np.zeros(2)
-        due += PUSHED_EVERY
-        towards = random.uniform(0.0, 2.0 * np.pi)
-        return speed * np.array([np.cos(towards), np.sin(towards)])
-
-    return pushed
-
-
-def measured(robot: Robot, clip: Clip, seed: int, push: float, planner: str = OURS) -> tuple[Row, OnItsFeet]:
+def measured(robot: Robot, clip: Clip, seed: int, planner: str = OURS) -> tuple[Row, OnItsFeet]:
     """A row of one motion and seed."""
     carried = retargeted(robot, clip)
     started = time.process_time()
     stage = PhysicalStage(robot, carried)
-    pushed = pushes(robot, push, seed) if push else None
-    found = stage.search(seed, pushed=pushed, planner=PLANNERS.get(planner) or sampled(planner, seed))
+    found = stage.search(seed, planner=PLANNERS.get(planner) or sampled(planner, seed))
     cpu = time.process_time() - started
     done, asked = found.motion.qpos, carried.qpos[: len(found.motion)]
     fallen, model = has_fallen(done, asked), physics_model(robot, "free")
@@ -162,12 +140,12 @@ def measured(robot: Robot, clip: Clip, seed: int, push: float, planner: str = OU
     row: Row = {"plain": stage.plain(), "stood": stood, "seconds": (len(carried) - 1) / RATE}
     row |= {"fell": bool(fallen.any()) or found.fell_s is not None, "path": found.path_m, "pose": found.pose_deg}
     row |= {"flight": [flight(model, q) for q in (done, carried.qpos)], "cpu": cpu / stood if stood else 0.0}
-    if not row["fell"] and not push:
+    if not row["fell"]:
         row["kept"] = kept(stage, found, done, asked, seed)
     return row, found
 
 
-def sampled(planner: str, seed: int) -> Callable[[Batch, CarriedCourse, Effort], Search]:
+def sampled(planner: str, seed: int) -> Callable[[Batch, CarriedCourse], Search]:
     """A planner of judo, which draws from NumPy's global state."""
     from benchmarks.robots.physical_peers import SampledSearch
 
@@ -203,7 +181,6 @@ def main(
     motions: Annotated[str, typer.Option(help="Beginnings of names, by commas; default: all 24.")] = "",
     seeds: Annotated[int, typer.Option(help="Seeds of each motion.")] = 3,
     seconds: Annotated[float, typer.Option(help="Of each recording.")] = 6.0,
-    push: Annotated[float, typer.Option(help="Shares of the usual push, once a second.")] = 0.0,
     planner: Annotated[
         Literal["search", "sampling", "ps", "mppi", "cem"], typer.Option(help="What plans the offsets.")
     ] = OURS,
@@ -215,16 +192,16 @@ def main(
     if download:
         fetch(models, {"unitree_g1"})
     rows: list[Row] = [json.loads(text) for text in results.read_text().splitlines()] if results.exists() else []
-    done = {(row["motion"], row["seed"], row["asked"], row.get("push", 0.0), row.get("planner", OURS)) for row in rows}
+    done = {(row["motion"], row["seed"], row["asked"], row.get("planner", OURS)) for row in rows}
     with tempfile.TemporaryDirectory() as folder:
         load = RobotLoader(g1_file(models, Path(folder)))
         for seed in range(seeds):
             for path in recordings(data, motions):
-                if (path.stem, seed, seconds, push, planner) in done:
+                if (path.stem, seed, seconds, planner) in done:
                     continue
                 clip = clip_of(path, data, seconds)
-                row, found = measured(load(clip.skeleton, None, 1.0 / RATE), clip, seed, push, planner)
-                asked = {"motion": path.stem, "seed": seed, "asked": seconds, "push": push, "planner": planner}
+                row, found = measured(load(clip.skeleton, None, 1.0 / RATE), clip, seed, planner)
+                asked = {"motion": path.stem, "seed": seed, "asked": seconds, "planner": planner}
                 rows.append(asked | row)
                 with results.open("a") as file:
                     file.write(json.dumps(rows[-1]) + "\n")
@@ -233,7 +210,7 @@ def main(
                     keep.mkdir(parents=True, exist_ok=True)
                     np.savez(keep / f"{path.stem}.{seed}.npz", qpos=found.motion.qpos, fps=RATE)
     print("motion                       seed plain   stood            path  pose    flight replays    cpu")
-    rows = [row for row in rows if (row.get("push", 0.0), row.get("planner", OURS)) == (push, planner)]
+    rows = [row for row in rows if row.get("planner", OURS) == planner]
     for row in sorted(rows, key=lambda row: (row["motion"], row["seed"])):
         print(line(row))
     stands = sum(not row["fell"] for row in rows)

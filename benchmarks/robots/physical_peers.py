@@ -17,7 +17,7 @@ import numpy as np
 
 from controller.motion.rotations import Array
 from sim.physical.course import Batch, CarriedCourse, played
-from sim.physical.search import Effort, Search
+from sim.physical.search import MOVES, Search
 
 ROLLOUTS, NODES = 64, 8  # a move, which cost about what the search's do; and nodes over 0.56 s
 SIGMA = 0.03  # of samples, rad
@@ -38,8 +38,8 @@ def planner_of(name: str, joints: int) -> Any:
 class SampledSearch(Search):
     """Improves the offsets of a course by a planner of judo."""
 
-    def __init__(self, planner: str, batch: Batch, course: CarriedCourse, effort: Effort) -> None:
-        super().__init__(batch, course, effort)
+    def __init__(self, planner: str, batch: Batch, course: CarriedCourse) -> None:
+        super().__init__(batch, course)
         self._optimizer = planner_of(planner, course.targets.shape[1])
 
     def improve(self, state: Array, now: int, ahead: int) -> None:
@@ -54,4 +54,4 @@ class SampledSearch(Search):
         costs = self._costs(played(self._batch, self._course, state, now, tries), tries, now)
         costs = np.minimum(costs, 1e9) / (last - now)
         self.offsets[now:last] = share @ self._optimizer.update_nominal_knots(sampled, -costs)
-        self.offsets[last : last + self._effort.moves] = self.offsets[last - 1]
+        self.offsets[last : last + MOVES] = self.offsets[last - 1]

@@ -83,9 +83,9 @@ def learn(options: LearnOptions, reading: Reading, as_json: JsonOption = False) 
     keyframes). With --robot the table of `preflight` follows: which motions that robot plays, and at which tempo.
 
     With --physical the joint angles of --robot are learned, as its simulation does each motion on its own feet, from
-    files in a folder NAME beside the library; motions in which it falls are left out. It takes about 7 to 13 s of
-    processor time a second (G1). That robot and rigs with its joints play them in place. Played with --root free they
-    are open loop, and the robot falls as with any motion: give --balance or --walk.
+    files in a folder NAME beside the library, each whole and as a one-shot; motions in which it falls are left out. It
+    takes 15 to 20 s of processor time a second (G1). That robot and rigs with its joints play them in place, and with
+    --root free on its feet, by the feedback in the folder.
 
     Clips of `motiondeck rig teach` and keyframes (.toml) become loops or one-shots as they were taught or written;
     NAME.clip, NAME.2.clip ... are takes of one motion and are averaged. The part of a loop that returns best to its
@@ -196,7 +196,7 @@ def _learn_recordings(options: LearnOptions, out: Path, reading: ReadingOptions,
     files, folder = recordings_in(options.what, convertible=True), out.with_suffix("")
     stood: list[StoodFile] = []
     if options.physical:
-        stood = stand(files, find_robot(str(options.robot)), folder, options=reading)
+        stood = stand(files, find_robot(str(options.robot)), folder, options=reading, feedback=True)
         files, reading = [folder / str(row.file) for row in stood if row.stands], AS_FOUND
         if not files:
             first = stood[0]
@@ -211,8 +211,8 @@ def _learn_recordings(options: LearnOptions, out: Path, reading: ReadingOptions,
             progress=tick,
             jobs=jobs,
             accept=options.accept or [],
-            plays=options.plays,
-            whole=options.whole,
+            plays=options.plays or ("once" if options.physical else None),
+            whole=options.whole or options.physical,
             tolerance_mm=options.tolerance,
         )
     save_library(learned.library, out)

@@ -45,6 +45,10 @@ def library_run(spec: RunSpec, program: Program, host: Host = ALONE) -> Iterator
     if program.file is not None and files is not None:
         judged = Judged(program.file, *files, spec.root, spec.balance, spec.walk)
         verdicts = judged.kept() or (replace(judged, rig=None).kept() if judged.rig is not None else {})
-    robots = partial(open_robots, spec=spec, source=source)
+    named = (
+        [one.source for one in source.info.motions if one.name == first] if isinstance(source, MotionLibrary) else []
+    )
+    learned_from = program.file.parent / named[0] if program.file is not None and named else None
+    robots = partial(open_robots, spec=spec, source=source, first=learned_from)
     with open_session(spec, Played(source, robots, deck, program.timeline, program.file, verdicts), host) as session:
         yield session

@@ -8,12 +8,11 @@ from mujoco.rollout import Rollout
 
 from controller.motion.rotations import Array, conjugate, from_rotation_vector, multiply, to_rotation_vector
 from motiondeck_base.errors import MotiondeckError
+from sim.physics.feedback import STEP
 from sim.physics.physics_model import lead_of
 from sim.robots.joint_motion import JointMotion
 from sim.robots.robot import Robot
 from sim.robots.training_files import velocities
-
-STEP = 0.005  # s for which a servo's control is held
 
 
 class Batch:

@@ -13,7 +13,9 @@ from controller.motion.clip import AS_FOUND, ReadingOptions
 from controller.motion.formats.reading import read_clip
 from motiondeck_base.errors import MotiondeckError
 from sim.models.robot_file import Solver
+from sim.physical.feedback_fit import fitted_feedback
 from sim.physical.stage import RATE, PhysicalStage
+from sim.physics.feedback import SUFFIX
 from sim.robots.joint_motion import retargeted
 from sim.robots.retarget_files import MARK
 from sim.robots.robot import RobotLoader
@@ -31,6 +33,7 @@ class StoodFile:
     plain_s: float | None = None  # time of its fall with the carried targets alone
     path_m: float = 0.0  # mean distance from the carried path
     pose_deg: float = 0.0  # root mean square of the joints' differences from the carried ones
+    held: float | None = None  # share of simulations from other starts that stand to the end with its feedback
     error: str | None = None  # why nothing was written
 
     @property
@@ -47,10 +50,12 @@ def stood_files(
     solver: Solver | None = None,
     progress: Callable[[str, float], None] = lambda name, seconds: None,
     options: ReadingOptions = AS_FOUND,
+    feedback: bool = False,
 ) -> Iterator[StoodFile]:
     """Looks for each recording's motion on its feet and writes it; yields each result as soon as it is done.
 
-    `progress` gets the recording's name and the seconds found; `options` are of reading. MotiondeckError for format
+    `progress` gets the recording's name and the seconds found; `options` are of reading.
+    With `feedback`, that of a motion that stands is written beside it. MotiondeckError for format
     csv, whose rate is another, for two recordings of one name, and if `out` cannot be written.
     """
     if format == "csv":
@@ -73,7 +78,11 @@ def stood_files(
             except OSError as error:
                 raise MotiondeckError.unwritable(out, error) from None
             write_training_file(place, fitted.model, found.motion.qpos, RATE, format)
+            held = None
+            if feedback and found.fell_s is None:
+                fitted, held = fitted_feedback(stage, found)
+                fitted.save(place.with_suffix(SUFFIX))
             seconds, errors = (len(clip) - 1) / RATE, (found.path_m, found.pose_deg)
-            yield StoodFile(str(path), place.name, seconds, found.fell_s, stage.plain(), *errors)
+            yield StoodFile(str(path), place.name, seconds, found.fell_s, stage.plain(), *errors, held)
         except MotiondeckError as error:
             yield StoodFile(str(path), error=str(error))

@@ -14,8 +14,6 @@ moves on. Rollouts are open loop: with the recursion's gains, a foot that rattle
 joints rattling. The same simulation plays and is searched, so that nothing that was found is lost.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from controller.motion.clip import between_rows
@@ -25,45 +23,25 @@ from sim.physical.course import Batch, CarriedCourse, played
 NUDGE, NUDGE_RATE = 0.001, 0.02  # changes of positions and offsets (rad, m) and of velocities that are tried
 SHARES = np.array([1.0, 0.6, 0.3, 0.1, 0.0])  # of the computed changes that are tried
 
-
-@dataclass(frozen=True)
-class Scales:
-    """Deviations that cost 1 at a knot: of the root (along the ground, up, turned), of joints, and of their rates."""
-
-    ground: float = 0.1  # m
-    height: float = 0.03  # m
-    turn: float = 0.1  # rad
-    joint: float = 0.15  # rad
-    speed: float = 0.3  # m/s
-    spin: float = 1.0  # rad/s
-    rate: float = 2.0  # of joints, rad/s
-    offset: float = 0.08  # rad
-    change: float = 0.02  # of an offset in one improvement, rad
-    end: float = 3.0  # factor over the cost at the end of the horizon
-
-    def weights(self, nv: int) -> Array:
-        """Of squared differences of states, shape (2 nv,)."""
-        place = [self.ground] * 2 + [self.height] + [self.turn] * 3 + [self.joint] * (nv - 6)
-        return np.array(place + [self.speed] * 3 + [self.spin] * 3 + [self.rate] * (nv - 6)) ** -2.0
+# Deviations that cost 1 at a knot: of the root's place (m) and turn, and of joints (rad); of the root's velocity (m/s)
+# and spin, and of joints' rates (rad/s); of offsets, and of their change in one improvement (rad).
+PLACE, SPEED, OFFSET, CHANGE = (0.1, 0.1, 0.03, 0.1, 0.1, 0.1, 0.15), (0.3, 0.3, 0.3, 1.0, 1.0, 1.0, 2.0), 0.08, 0.02
+END = 3.0  # factor over the cost at the end of the horizon
+AHEAD, MOVES, BEGINS = 28, 2, 6  # knots of the horizon, by which it moves, and of that with which it begins
+FITS = 2  # moves after which all rollouts are fitted anew; else those of knots that are new
 
 
-@dataclass(frozen=True)
-class Effort:
-    """How much is tried."""
-
-    ahead: int = 28  # knots of the horizon
-    moves: int = 2  # knots by which it moves
-    begins: int = 6  # knots of the horizon with which it begins, before it moves
-    fits: int = 2  # moves after which all rollouts are fitted anew; else those of knots that are new
+def weights_of(nv: int) -> Array:
+    """The cost of squared differences of states, shape (2 nv,)."""
+    return np.array([*PLACE, *PLACE[-1:] * (nv - 7), *SPEED, *SPEED[-1:] * (nv - 7)]) ** -2.0
 
 
 class Search:
     """Improves `offsets` (T, J) of a course, from knot to knot."""
 
-    def __init__(self, batch: Batch, course: CarriedCourse, effort: Effort, scales: Scales | None = None) -> None:
-        self._batch, self._course, self._effort = batch, course, effort
-        self._scales, nv, (knots, joints) = scales or Scales(), batch.model.nv, course.targets.shape
-        self._weights, self._price = self._scales.weights(nv), self._scales.offset**-2.0
+    def __init__(self, batch: Batch, course: CarriedCourse) -> None:
+        self._batch, self._course, nv, (knots, joints) = batch, course, batch.model.nv, course.targets.shape
+        self._weights, self._price = weights_of(nv), OFFSET**-2.0
         self._changes = np.repeat([NUDGE, NUDGE_RATE], nv)
         self._fits = np.empty((knots, 2 * nv, 2 * nv + joints))  # A and B of the knots fitted so far
         self._fitted_to = self._moves = 0
@@ -72,24 +50,23 @@ class Search:
 
     def improve(self, state: Array, now: int, ahead: int) -> None:
         """Improves the offsets of knots from `now` on, where the robot is at a state (n,)."""
-        effort = self._effort
         last = min(now + ahead, len(self._course.states) - 1)
         offsets = self.offsets[now:last]
         states = played(self._batch, self._course, state, now, offsets[None])[0]
-        first = now if self._moves % effort.fits == 0 or self._failed else max(self._fitted_to, now)
+        first = now if self._moves % FITS == 0 or self._failed else max(self._fitted_to, now)
         if first < last:
             self._fits[first:last] = self._fitted(states[first - now :], offsets[first - now :], first)
         self._fitted_to, self._moves = last, self._moves + 1
         tries = offsets + SHARES[:, None, None] * self._change(states, offsets, now)
         best = int(np.argmin(self._costs(played(self._batch, self._course, state, now, tries), tries, now)))
         self.offsets[now:last], self._failed = tries[best], SHARES[best] == 0.0
-        self.offsets[last : last + effort.moves] = tries[best, -1]  # a first guess
+        self.offsets[last : last + MOVES] = tries[best, -1]  # a first guess
 
     def _costs(self, states: Array, offsets: Array, now: int) -> Array:
         """Of states (B, H + 1, n) with offsets (B, H, J), shape (B,)."""
         off = self._off(states[:, 1:], now)
         cost = (off * off) @ self._weights
-        cost[:, -1] *= self._scales.end
+        cost[:, -1] *= END
         total = cost.sum(axis=1) + self._price * np.square(offsets).sum(axis=(1, 2))
         return np.where(np.isfinite(total), total, np.inf)
 
@@ -116,8 +93,8 @@ class Search:
         fits = self._fits[now : now + len(offsets)]
         a, b = fits[..., : len(weights)], fits[..., len(weights) :]
         own, gains = np.empty_like(offsets), np.empty((*offsets.shape, len(weights)))
-        dear = (price + self._scales.change**-2.0) * np.eye(b.shape[2])
-        slope, curve = self._scales.end * weights * off[-1], np.diag(self._scales.end * weights)
+        dear = (price + CHANGE**-2.0) * np.eye(b.shape[2])
+        slope, curve = END * weights * off[-1], np.diag(END * weights)
         for k in reversed(range(len(offsets))):
             along = b[k].T @ curve
             right = np.column_stack([b[k].T @ slope + price * offsets[k], along @ a[k]])
@@ -161,4 +138,4 @@ class Sampling(Search):
         if weights.sum() > 0.0:  # else each rollout ends in NaN
             plan = np.tensordot(weights / weights.sum(), drawn, 1)
         self.offsets[now:last] = near @ plan
-        self.offsets[last : last + self._effort.moves] = self.offsets[last - 1]
+        self.offsets[last : last + MOVES] = self.offsets[last - 1]

@@ -13,14 +13,14 @@ import numpy as np
 
 from controller.motion.rotations import Array
 from sim.physical.course import KNOT, STEP, Batch, CarriedCourse, course_of, played
-from sim.physical.search import Effort, Sampling, Search
+from sim.physical.search import AHEAD, BEGINS, MOVES, Sampling, Search
 from sim.physics.physics_model import physics_model
 from sim.physics.recovery import has_fallen
 from sim.robots.joint_motion import JointMotion
 from sim.robots.robot import Robot
 
 RATE = 1.0 / KNOT  # of the motions, Hz
-Planner = Callable[[Batch, CarriedCourse, Effort], Search]
+Planner = Callable[[Batch, CarriedCourse], Search]
 Planners = tuple[Planner, ...]
 PLANNERS: Planners = (Search, Sampling)
 STARTS = 0.001  # standard deviation of the first positions beside the motion's, m and rad
@@ -31,6 +31,7 @@ class OnItsFeet:
     """What a robot did of a motion, to its end or to its fall."""
 
     motion: JointMotion
+    states: Array  # at each knot, shape (T, n), as of `Batch`
     targets: Array  # of the joints at each knot, shape (T, J), rad
     fell_s: float | None  # time of the fall; None if it stands to the end
     path_m: float  # mean distance of the root from that of the carried motion, along the ground
@@ -54,30 +55,25 @@ class PhysicalStage:
     def search(
         self,
         seed: int = 0,
-        effort: Effort | None = None,
         progress: Callable[[float], None] = lambda seconds: None,
-        pushed: Callable[[float], Array] | None = None,
         planner: Planner = Search,
     ) -> OnItsFeet:
         """Looks for the offsets, knot by knot, until the motion ends or the robot falls.
 
         `seed` chooses by how little the robot starts beside the motion; `progress` gets the seconds done.
-        `pushed` gives the velocity, shape (2,), m/s, that a push adds at a time, s: the search goes on from there.
         `planner` makes another search.
         """
-        effort, course, batch = effort or Effort(), self.course, self.batch
-        search, knots, now = planner(batch, course, effort), len(course.states), 0
+        course, batch = self.course, self.batch
+        search, knots, now = planner(batch, course), len(course.states), 0
         start = np.random.default_rng(seed).normal(0.0, np.repeat([STARTS, 0.0], batch.model.nv))
         states, fell = batch.moved(course.states[:1], start), None
-        for ahead in range(effort.begins, effort.ahead, effort.moves):
+        for ahead in range(BEGINS, AHEAD, MOVES):
             search.improve(states[0], 0, ahead)
         while now < knots - 1 and fell is None:
-            search.improve(states[-1], now, effort.ahead)
-            after = min(now + effort.moves, knots - 1)
+            search.improve(states[-1], now, AHEAD)
+            after = min(now + MOVES, knots - 1)
             new = played(batch, course, states[-1], now, search.offsets[None, now:after])[0]
-            states, fell, now = np.concatenate([states, new[1:]]), self._fallen(new[1:], now + 1), after
-            if pushed is not None:
-                states[-1, batch.model.nq : batch.model.nq + 2] += pushed(now * KNOT)
+            states, fell, now = np.concatenate([states, new[1:]]), self.fallen(new[1:], now + 1), after
             progress(now * KNOT)
         return self._found(states, search.offsets, fell)
 
@@ -95,9 +91,9 @@ class PhysicalStage:
     def plain(self) -> float | None:
         """The second at which the robot falls with the motion's targets alone, or None."""
         course, none = self.course, np.zeros((1, *self.course.targets[1:].shape))
-        return self._fallen(played(self.batch, course, course.states[0], 0, none)[0], 0)
+        return self.fallen(played(self.batch, course, course.states[0], 0, none)[0], 0)
 
-    def _fallen(self, states: Array, knot: int) -> float | None:
+    def fallen(self, states: Array, knot: int) -> float | None:
         """The second at which a robot in states (K, n) from a knot on has fallen, beside the course; or None."""
         standing, rows = self._robot.model.qpos0[3:7], zip(states, self.course.states[knot:], strict=False)
         fallen = (at for at, (here, asked) in enumerate(rows, knot) if has_fallen(here, asked, standing))
@@ -112,4 +108,4 @@ class PhysicalStage:
         motion = JointMotion(self._motion.name, self._motion.joints, RATE, angles, states[:, :nq].copy())
         targets = course.targets[:count] + np.clip(offsets[:count], course.lower[:count], course.upper[:count])
         path, pose = np.hypot(off[:, 0], off[:, 1]).mean(), np.sqrt(np.square(off[:, 6:nv]).mean())
-        return OnItsFeet(motion, targets, fell, float(path), float(np.degrees(pose)))
+        return OnItsFeet(motion, states, targets, fell, float(path), float(np.degrees(pose)))

@@ -14,6 +14,7 @@ from motiondeck_base.errors import MotiondeckError
 from sim.models.gravity import GRAVITY
 from sim.models.surface import LowestPoint
 from sim.physics.balance import Balance
+from sim.physics.feedback import Feedback, Follower
 from sim.physics.physics_model import Alteration, check_root, feet_of, lead_of, physics_model
 from sim.physics.recovery import Phase, Recovery, has_fallen
 from sim.physics.simulated_servos import Servos
@@ -56,6 +57,7 @@ class PhysicsPlayback:
         sensors: Sensors | None = None,
         alter: Alteration | None = None,
         guard: bool = True,
+        feedback: Feedback | None = None,
     ) -> None:
         """Starts in the rest pose; a write takes dt seconds, rounded to whole timesteps.
 
@@ -65,6 +67,7 @@ class PhysicsPlayback:
             compiled: the `physics_model` of this robot with this root, if there is one; it is not changed.
             sensors: of a walking robot; None for the exact state.
             alter: changes to the world that robot and controller do not know.
+            feedback: of the motion that is played first, for a free robot that neither balances nor walks.
             guard: whether a robot that balances or walks protects itself in a fall, and gets up if it can.
 
         MotiondeckError for a root that `physics_model` lacks, for balance or walking without a free root or two feet,
@@ -84,7 +87,8 @@ class PhysicsPlayback:
         gravity = model.opt.gravity
         self._recovery = Recovery(robot, model, self._dt) if guard and (balance or walk) else None
         self._walker = Walker(robot, own, feet_of(robot), self._dt, gravity, sensors) if walk else None
-        self._legs = self._balance or self._walker
+        self._follower = Follower(robot, feedback, lambda: self.clock()) if feedback is not None else None
+        self._legs = self._balance or self._walker or self._follower
         self.behind_s = AHEAD if walk else 0.0  # delay of the body
         motors = robot.motors
         self._servos = Servos(motors, model, self.data, self._dt) if motors is not None else None
@@ -146,6 +150,9 @@ class PhysicsPlayback:
                 self._legs.start(data)
                 data.qpos[:] = here
             self._legs.adjust(data, self._goal, self._heading)
+            if self._follower is not None and self._follower.plays:
+                starting = True  # its controls have their lead already
+                self.placed[:] = self._goal[:7]
             if starting:
                 self._goal_before[:] = self._goal  # what it adds at once is not a movement
             self._recover(self._legs)
@@ -188,7 +195,7 @@ class PhysicsPlayback:
             self.wanted[:2] = data.qpos[:2]
             self._note_fall(root)
 
-    def _recover(self, legs: Balance | Walker) -> None:
+    def _recover(self, legs: Balance | Walker | Follower) -> None:
         recovery = self._recovery
         if recovery is None:
             if legs.falling and not self._lost and not self.fallen:
@@ -295,6 +302,7 @@ class PhysicsPlayback:
         }
         if self._root == "free":
             said |= {"balance": self._balance is not None, "fell_s": self.fell_s}
+            said["feedback"] = self._follower is not None
         if self._legs is not None:
             said["near_falls_s"] = self.near_falls
             said["got_up"] = self._recovery.rises if self._recovery is not None else 0

@@ -41,7 +41,7 @@ def write_training_file(path: Path, model: mujoco.MjModel, qpos: Array, rate: fl
     FileFormatError if a joint is a ball and the format has one number a joint, or the file cannot be written.
     """
     if format == "qpos":
-        write_file(path, _npz(fps=rate, qpos=qpos, qvel=velocities(model, qpos, rate)))
+        write_file(path, npz_bytes(fps=rate, qpos=qpos, qvel=velocities(model, qpos, rate)))
         return
     names, at = _joints(path, model)
     root = in_the_files_frame(model, qpos[:, :3], qpos[:, 3:7])
@@ -52,9 +52,9 @@ def write_training_file(path: Path, model: mujoco.MjModel, qpos: Array, rate: fl
             write_file(path, text.encode())
         case "npz":
             arrays = {"root_pos": root, "root_quat": qpos[:, 3:7], "joint_pos": qpos[:, at]}
-            write_file(path, _npz(fps=rate, joint_names=np.array(names), **arrays))
+            write_file(path, npz_bytes(fps=rate, joint_names=np.array(names), **arrays))
         case _:
-            write_file(path, _npz(**_tracking(model, qpos, rate, at)))
+            write_file(path, npz_bytes(**_tracking(model, qpos, rate, at)))
 
 
 def velocities(model: mujoco.MjModel, qpos: Array, rate: float) -> Array:
@@ -112,7 +112,8 @@ def _joints(path: Path, model: mujoco.MjModel) -> tuple[list[str], NDArray[np.in
     return [model.joint(j).name for j in range(1, model.njnt)], model.jnt_qposadr[1:].astype(np.intp)
 
 
-def _npz(**arrays: object) -> bytes:
+def npz_bytes(**arrays: object) -> bytes:
+    """An .npz file of arrays."""
     buffer = io.BytesIO()
     kept: dict[str, Any] = {name: np.asarray(array) for name, array in arrays.items()}
     np.savez(buffer, **kept)

@@ -132,6 +132,7 @@ def stand(
     format: Format = "npz",
     solver: Solver | None = None,
     options: ReadingOptions | None = None,
+    feedback: bool = False,
 ) -> list[StoodFile]:
     """Looks for each recording's motion on the robot's feet; a terminal shows how far it is."""
     from controller.motion.clip import AS_FOUND
@@ -142,7 +143,7 @@ def stand(
         def show(name: str, seconds: float) -> None:
             tick(f"{name}: stands for {seconds:.1f} s")
 
-        return [*stood_files(robot, recordings, out, format, solver, progress=show, options=options or AS_FOUND)]
+        return [*stood_files(robot, recordings, out, format, solver, show, options or AS_FOUND, feedback)]
 
 
 def print_stood(rows: Sequence[StoodFile], out: Path) -> None:
@@ -153,6 +154,7 @@ def print_stood(rows: Sequence[StoodFile], out: Path) -> None:
     for row in written:
         plain = "stands" if row.plain_s is None else f"falls at {row.plain_s:.2f} s"
         found = f"stands, {row.seconds:.1f} s" if row.fell_s is None else f"falls at {row.fell_s:.2f} s"
+        found += "" if row.held is None else f", {row.held:.0%} with feedback"
         lines.append((Path(row.recording).name, plain, found, f"{row.path_m:.2f}", f"{row.pose_deg:.0f}"))
     show_table(("recording", "targets alone", "with offsets", "path m", "pose deg"), lines)
     for row in rows:

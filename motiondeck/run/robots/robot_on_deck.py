@@ -124,17 +124,24 @@ def with_robot(spec: RunSpec, skeleton: Skeleton) -> RunSpec:
     return replace(spec, robot=robot)
 
 
-def open_robots(opening: ExitStack, spec: RunSpec, source: MotionLibrary | Clip) -> list[RobotOnDeck]:
+def open_robots(
+    opening: ExitStack, spec: RunSpec, source: MotionLibrary | Clip, first: Path | None = None
+) -> list[RobotOnDeck]:
     """Opens the robot of a run and, if there is a second one, the robot that mirrors it; see `open_robot`."""
-    robots = [open_robot(opening, with_robot(spec, source.skeleton), source)]
+    robots = [open_robot(opening, with_robot(spec, source.skeleton), source, first=first)]
     if spec.follow is not None:
         second = replace(spec, robot=spec.follow, rig=spec.follow_rig, solver=None)
         robots.append(open_robot(opening, second, source, FOLLOWER))
     return robots
 
 
-def open_robot(opening: ExitStack, spec: RunSpec, source: MotionLibrary | Clip, prefix: str = "") -> RobotOnDeck:
-    """Opens robot, simulation and rig of a run, closed by `opening`; MotiondeckError if one cannot be opened."""
+def open_robot(
+    opening: ExitStack, spec: RunSpec, source: MotionLibrary | Clip, prefix: str = "", first: Path | None = None
+) -> RobotOnDeck:
+    """Opens robot, simulation and rig of a run, closed by `opening`; MotiondeckError if one cannot be opened.
+
+    `first` is the file that the first motion was learned from.
+    """
     if spec.robot is None and spec.rig is not None:
         from motiondeck.run.robots.rig_on_deck import open_rig_alone
 
@@ -142,6 +149,7 @@ def open_robot(opening: ExitStack, spec: RunSpec, source: MotionLibrary | Clip, 
         own = robot.joints, robot.limits, rest, robot.retarget, rig, Simulation(robot, figure, "fixed", False, False)
         return RobotOnDeck(robot.name, *own, prefix, groups=groups, gaze=gaze)
     from sim.models.robot_file import read_robot_file, solver_named
+    from sim.physics.feedback import Feedback
     from sim.physics.kinematic_playback import KinematicPlayback
     from sim.physics.playback import PhysicsPlayback
     from sim.robots.joint_groups import gaze_gains, joint_groups
@@ -162,7 +170,9 @@ def open_robot(opening: ExitStack, spec: RunSpec, source: MotionLibrary | Clip, 
 
         robot = able_to_walk(robot, file)
     if spec.physics:
-        stage = PhysicsPlayback(robot, dt, spec.root, spec.balance, spec.walk)
+        alone = first if spec.root == "free" and not (spec.balance or spec.walk) else None
+        feedback = Feedback.beside(alone, robot) if alone is not None else None
+        stage = PhysicsPlayback(robot, dt, spec.root, spec.balance, spec.walk, feedback=feedback)
     opening.callback(stage.close)
     rig, limits = None, robot.limits
     if rig_file is not None and guard is not None:

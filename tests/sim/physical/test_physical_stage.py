@@ -1,5 +1,7 @@
 """Tests of motions on a robot's own feet, with a post on a narrow foot that swings a heavy arm."""
 
+from dataclasses import replace
+
 import mujoco
 import numpy as np
 import pytest
@@ -9,13 +11,17 @@ from hypothesis import strategies as st
 from controller.deck.interfaces import JointLimits
 from controller.motion.clip import Clip
 from controller.motion.formats.writing import write_clip
-from motiondeck_base.errors import MotiondeckError
+from controller.motion.skeleton import Pose
+from motiondeck_base.errors import FileFormatError, MotiondeckError
 from sim.models.joint_layout import JointLayout
 from sim.models.scenery import add_gantry, set_stage
 from sim.physical.course import KNOT, STEP, Batch, played
+from sim.physical.feedback_fit import fitted_feedback
 from sim.physical.files import stood_files
-from sim.physical.search import Effort, Sampling, Search
+from sim.physical.search import Sampling, Search
 from sim.physical.stage import RATE, PhysicalStage
+from sim.physics.feedback import HOLD, MOST, SUFFIX, Feedback, Follower
+from sim.physics.playback import PhysicsPlayback
 from sim.robots.joint_motion import JointMotion
 from sim.robots.robot import Robot
 from simulated_bodies import bent_pose, human
@@ -40,6 +46,7 @@ def post():
 
 
 MODEL = post().model
+BLOWS = -0.5, 1.0  # rad/s
 BATCH = Batch(MODEL, 1)
 
 
@@ -92,7 +99,7 @@ def test_a_batch_is_simulated_as_mujoco_steps(stage):
 
 def test_fits_foretell_what_a_small_change_does(hanging):
     batch, course = hanging.batch, hanging.course
-    search, changes = Search(batch, course, Effort()), np.random.default_rng(0).normal(0.0, 1e-3, 15)
+    search, changes = Search(batch, course), np.random.default_rng(0).normal(0.0, 1e-3, 15)
     states = played(batch, course, course.states[0], 0, np.zeros((1, 4, 1)))[0]
     fits = search._fitted(states, np.zeros((4, 1)), 0)
     other = played(batch, course, batch.moved(states[3], changes[:14]), 3, changes[None, None, 14:])[0, 1]
@@ -122,22 +129,6 @@ def test_what_it_found_is_what_the_targets_do(stage, found):
     start = np.concatenate([found.motion.qpos[0], course.states[0, 8:]])
     again = played(stage.batch, course, start, 0, (found.targets - course.targets[: len(found.targets)])[None, :-1])
     assert again[0, :, :8] == pytest.approx(found.motion.qpos, abs=1e-6)
-
-
-def test_a_push_is_answered_from_where_the_robot_is(stage, found):
-    times = []
-
-    def pushed(now):
-        times.append(now)
-        return np.array([0.04 * (len(times) == 5), 0.0])
-
-    other = stage.search(pushed=pushed)
-    assert other.fell_s is None
-    assert np.all(np.diff(times) > 0.0)
-    knot = round(times[4] / KNOT)
-    assert np.array_equal(other.motion.qpos[: knot + 1], found.motion.qpos[: knot + 1])
-    assert np.abs(other.targets - found.targets)[knot:].max() > 0.01
-    assert (other.motion.qpos - found.motion.qpos)[knot + 1, 0] > 0.0001
 
 
 class Still(Search):
@@ -184,6 +175,76 @@ def test_a_recording_becomes_a_training_file_of_what_the_robot_did(tmp_path):
     written = np.load(out / "stand.npz")
     assert written["fps"] == RATE
     assert written["joint_pos"].shape == (26, 18)
+
+
+def playback_of(motion, feedback, blow=0.0):
+    """A motion as it is played, with a timestep that the search has not; a blow at 0.1 s changes its spin, rad/s."""
+    playback, turned = PhysicsPlayback(post(), STEP, "free", feedback=feedback), np.array([[1.0, 0.0, 0.0, 0.0]])
+    pose = Pose(np.array([0.0, 0.0, 0.02]), np.array(0.0), turned)
+    for tick in range(round((len(motion) - 1) / RATE / STEP)):
+        playback.data.qvel[4] += blow if tick == round(0.1 / STEP) else 0.0
+        playback.write(motion.angles[round(tick * STEP * RATE)], pose)
+    return playback
+
+
+@pytest.mark.thorough
+def test_feedback_stands_blows_that_targets_and_controls_alone_do_not(stage, found):
+    feedback, share = fitted_feedback(stage, found)
+    alone = replace(feedback, gains=0.0 * feedback.gains)
+    for blow in BLOWS:
+        fell = [playback_of(found.motion, one, blow).fell_s for one in (feedback, alone, None)]
+        assert (fell[0], None in fell[1:]) == (None, False)
+    assert 0.5 < share <= 1.0
+    assert np.array_equal(fitted_feedback(stage, found)[0].gains, feedback.gains)
+
+
+@pytest.fixture
+def feedback(stage):
+    """Feedback that raises the arm when the post is too high."""
+    course, gains = stage.course, np.zeros((7, 1, 12))
+    gains[:, 0, 0] = 10.0
+    return Feedback(("swing",), course.controls[:-1].reshape(-1, 1), course.states[:-1:5], gains)
+
+
+def test_a_follower_begins_at_its_speed_and_changes_controls_once_a_block_and_by_so_much_at_most(feedback):
+    now, data = 0.0, mujoco.MjData(MODEL)
+    follower = Follower(post(), feedback, lambda: now)
+    follower.start(data)
+
+    def goal(time, rise):
+        nonlocal now
+        now, at = time, int(time / (HOLD * STEP))
+        data.qpos[2] = feedback.states[at, 2] + rise
+        wanted = np.concatenate([np.zeros(7), feedback.states[at, 7:8]])  # as it is played
+        follower.adjust(data, wanted, 0.0)
+        assert wanted[2:7] == pytest.approx(feedback.states[at, 2:7])  # it falls beside the plan
+        return wanted[7] - feedback.controls[round(time / STEP), 0]
+
+    assert goal(0.0, 0.5) == pytest.approx(0.0)  # the motion has not begun: it is put in its place
+    assert np.concatenate([data.qpos, data.qvel]) == pytest.approx(feedback.states[0])
+    assert [goal(0.1, 0.01), goal(0.12, 0.02), goal(0.2, 0.02)] == pytest.approx([0.1, 0.1, 0.2])
+    assert goal(0.3, 0.2) == pytest.approx(MOST)
+    assert goal(0.4, -0.2) == pytest.approx(-MOST)
+
+
+def test_another_motion_is_played_as_it_is(feedback, found):
+    other = replace(found.motion, angles=found.motion.angles + 0.5)
+    goals = [playback_of(other, one).data.ctrl[0] for one in (feedback, None)]
+    assert goals[0] == goals[1]
+
+
+def test_feedback_is_read_for_its_joints_alone_and_a_broken_file_is_named(feedback, tmp_path):
+    robot, motion = post(), tmp_path / "swing.npz"
+    assert Feedback.beside(motion, robot) is None
+    feedback.save(motion.with_suffix(SUFFIX))
+    again = Feedback.beside(motion, robot)
+    for name in ("controls", "states", "gains"):
+        assert getattr(again, name) == pytest.approx(getattr(feedback, name), abs=1e-6)
+    assert Feedback.beside(motion, replace(robot, layout=replace(robot.layout, joints=("other",)))) is None
+    for broken in ({"gains": feedback.gains[1:]}, {"controls": np.full_like(feedback.controls, np.nan)}):
+        replace(feedback, **broken).save(motion.with_suffix(SUFFIX))
+        with pytest.raises(FileFormatError, match=r"swing\.feedback.*--physical"):
+            Feedback.beside(motion, robot)
 
 
 def test_one_frame_and_another_rate_are_refused(tmp_path):

@@ -14,6 +14,8 @@ from controller.motion.formats.writing import write_clip
 from motiondeck_base.errors import MotiondeckError
 from simulated_bodies import bent_pose, human
 
+FILES = ["falls.infeasible.npz", "stands.feedback", "stands.npz"]
+
 
 def recorded(folder, name, rises, frames):
     """A human who raises an arm, and itself by so many m/s."""
@@ -40,7 +42,9 @@ def test_what_stands_is_learned_as_the_joints_of_the_robot_and_what_falls_is_sai
     found = {Path(row["recording"]).stem: row for row in result["on_its_feet"]}
     assert found["stands"]["fell_s"] is None
     assert 0.2 < found["falls"]["fell_s"] < 0.65
-    assert (tmp_path / "mine" / "falls.infeasible.npz").exists()
+    assert found["stands"]["held"] > 0.5
+    assert found["falls"]["held"] is None
+    assert sorted(path.name for path in (tmp_path / "mine").iterdir()) == FILES
 
     played = motiondeck.load_library(out).generate_clip("stands", seconds=0.4, rate=50.0)
     with np.load(tmp_path / "mine" / "stands.npz") as file:
@@ -49,6 +53,11 @@ def test_what_stands_is_learned_as_the_joints_of_the_robot_and_what_falls_is_sai
     assert len(order) == 20
     assert np.abs(angles_of(played.rotation[:10, 1:]) - angles[:, order]).max() < 0.001
     assert np.ptp(angles, axis=0).max() > 0.05
+
+    free = ("--library", out, "--robot", "servo20", "--root", "free", "--headless", "--command-port", "0", "--json")
+    for balance, given in ((), True), (("--balance",), False):
+        output = json.loads(invoked("play", "stands", *free, *balance, "--seconds", "0.2").stdout)["outputs"][0]
+        assert output["feedback"] is given
 
 
 def test_without_a_robot_or_recordings_it_is_refused(tmp_path):
