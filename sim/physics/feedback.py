@@ -65,7 +65,7 @@ def seen(states: Array, nq: int) -> Array:
     return np.concatenate([states[..., 2:3], up, states[..., 7:nq], velocity, states[..., nq + 3 :]], axis=-1)
 
 
-class Follower:
+class PlanFollower:
     """Has a free robot do a motion as it was found, from its first state on, for as long as that is played."""
 
     falling = False

@@ -14,7 +14,7 @@ from motiondeck_base.errors import MotiondeckError
 from sim.models.gravity import GRAVITY
 from sim.models.surface import LowestPoint
 from sim.physics.balance import Balance
-from sim.physics.feedback import Feedback, Follower
+from sim.physics.feedback import Feedback, PlanFollower
 from sim.physics.physics_model import Alteration, check_root, feet_of, lead_of, physics_model
 from sim.physics.recovery import Phase, Recovery, has_fallen
 from sim.physics.simulated_servos import Servos
@@ -87,7 +87,7 @@ class PhysicsPlayback:
         gravity = model.opt.gravity
         self._recovery = Recovery(robot, model, self._dt) if guard and (balance or walk) else None
         self._walker = Walker(robot, own, feet_of(robot), self._dt, gravity, sensors) if walk else None
-        self._follower = Follower(robot, feedback, lambda: self.clock()) if feedback is not None else None
+        self._follower = PlanFollower(robot, feedback, lambda: self.clock()) if feedback is not None else None
         self._legs = self._balance or self._walker or self._follower
         self.behind_s = AHEAD if walk else 0.0  # delay of the body
         motors = robot.motors
@@ -195,7 +195,7 @@ class PhysicsPlayback:
             self.wanted[:2] = data.qpos[:2]
             self._note_fall(root)
 
-    def _recover(self, legs: Balance | Walker | Follower) -> None:
+    def _recover(self, legs: Balance | Walker | PlanFollower) -> None:
         recovery = self._recovery
         if recovery is None:
             if legs.falling and not self._lost and not self.fallen:

@@ -20,7 +20,7 @@ from sim.physical.feedback_fit import fitted_feedback
 from sim.physical.files import stood_files
 from sim.physical.search import Sampling, Search
 from sim.physical.stage import RATE, PhysicalStage
-from sim.physics.feedback import HOLD, MOST, SUFFIX, Feedback, Follower
+from sim.physics.feedback import HOLD, MOST, SUFFIX, Feedback, PlanFollower
 from sim.physics.playback import PhysicsPlayback
 from sim.robots.joint_motion import JointMotion
 from sim.robots.robot import Robot
@@ -208,7 +208,7 @@ def feedback(stage):
 
 def test_a_follower_begins_at_its_speed_and_changes_controls_once_a_block_and_by_so_much_at_most(feedback):
     now, data = 0.0, mujoco.MjData(MODEL)
-    follower = Follower(post(), feedback, lambda: now)
+    follower = PlanFollower(post(), feedback, lambda: now)
     follower.start(data)
 
     def goal(time, rise):
