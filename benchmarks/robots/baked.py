@@ -116,7 +116,7 @@ def compare(library: MotionLibrary, baked: MotionLibrary, loader: RobotLoader, m
 def judge(clip: Clip, robot: Robot, file: RobotFile, qpos: Array) -> dict[str, float]:
     """Limbs and feet of a robot that plays a clip."""
     directions = LimbDirections(robot.model, file.parts, np.array(file.root_rotation))
-    limbs = [mean for mean, _ in directions.errors(qpos, lines_for(robot, clip)).values()]
+    limbs: list[float] = directions.degrees(qpos, lines_for(robot, clip)).mean(axis=0).tolist()
     floor = floor_measures(clip, robot, qpos, file.parts)
     return {
         "limbs_deg": float(np.mean(limbs)),

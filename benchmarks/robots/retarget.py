@@ -89,7 +89,8 @@ def measured(path: Path, clips: list[Clip], solver) -> dict[str, object]:
         joints = len(robot.joints)
         carried = carry(clip, robot, SafetyEnvelope)
         directions = LimbDirections(robot.model, file.parts, np.array(file.root_rotation))
-        errors.append(directions.errors(carried.qpos, carried.limbs))
+        degrees = directions.degrees(carried.qpos, carried.limbs).mean(axis=0).tolist()
+        errors.append(dict(zip((s.name for s in directions.segments), degrees, strict=True)))
         counts = joint_measures(clip, robot, carried)
         zeros += [counts["beyond"], counts["too_fast"], counts["jumps"]]
         slides.append(floor_measures(clip, robot, carried.qpos, file.parts)["slide"])
@@ -102,7 +103,7 @@ def measured(path: Path, clips: list[Clip], solver) -> dict[str, object]:
         "joints": joints,
         "microseconds": float(np.median(times)),
         **{
-            f"{part}_deg": float(np.mean([error[f"{side}_{part}"][0] for error in errors for side in SIDES]))
+            f"{part}_deg": float(np.mean([error[f"{side}_{part}"] for error in errors for side in SIDES]))
             for part in ("thigh", "shank", "upper_arm", "forearm")
         },
         "beyond_limits": int(zeros[0]),

@@ -132,15 +132,16 @@ def measured(name: str, file: Path, clips: list[Clip], each: bool) -> Iterator[d
             frame_ms = 1000.0 * (time.perf_counter() - start) / len(poses)
             if method != "ours":
                 qpos[:, 2] -= np.median(_lows(robot.model, qpos))
-            errors = directions.errors(qpos, human)
+            degrees = directions.degrees(qpos, human)
+            limb = dict(zip((s.name for s in directions.segments), degrees.mean(axis=0).tolist(), strict=True))
             floor = floor_measures(clip, robot, qpos, parts)
             joints = qpos[:, robot.layout.hinge_qpos]
             row = {
                 "robot": name,
                 "method": method,
                 "clip": clip.name,
-                **{s: float(np.mean([errors[f"{side}_{s}"][0] for side in SIDES])) for s in SEGMENTS},
-                "worst": max(worst for _, worst in errors.values()),
+                **{s: float(np.mean([limb[f"{side}_{s}"] for side in SIDES])) for s in SEGMENTS},
+                "worst": float(degrees.max()),
                 "slide_mm_s": 1000.0 * floor["slide"],
                 "sunk_mm": 1000.0 * floor["sunk"],
                 "fastest_rad_s": float(np.abs(np.diff(joints, axis=0)).max() * clip.rate),
