@@ -54,8 +54,8 @@ ALONE = Jobs(1)  # in this process
 EVERY_CORE = Jobs(-1)  # in a process per core of this machine
 
 
-def spread(tasks: Iterable[Task], jobs: Jobs, *, ordered: bool = False) -> Iterator[Any]:
-    """The results of tasks, each as soon as it is there, or, if `ordered`, in the order of the tasks.
+def spread(tasks: Iterable[Task], jobs: Jobs) -> Iterator[Any]:
+    """The results of tasks, in their order.
 
     MotiondeckError if the cluster cannot be used, or gave a task up; what a task raises is raised too.
     """
@@ -63,9 +63,7 @@ def spread(tasks: Iterable[Task], jobs: Jobs, *, ordered: bool = False) -> Itera
         if jobs.processes != 1 and not os.access("/dev/shm", os.W_OK):
             print("motiondeck: one core computes, as /dev/shm is not writable. Mount a tmpfs there", file=sys.stderr)
         watched = (delayed(_watched)(os.getpid(), task) for task in tasks)
-        yield from Parallel(jobs.processes, return_as="generator" if ordered else "generator_unordered")(watched)
-    elif not ordered:
-        yield from (result for _, result in _on_cluster(tasks, jobs.cluster))
+        yield from Parallel(jobs.processes, return_as="generator")(watched)
     else:
         early: dict[int, Any] = {}
         awaited = 0

@@ -75,7 +75,7 @@ def index(
             rows += list(numbers)
             continue
         files = recordings_below(source) if source.is_dir() else [source]
-        found = spread((delayed(_try_signature)(file) for file in files), Jobs.parse(jobs), ordered=True)
+        found = spread((delayed(_try_signature)(file) for file in files), Jobs.parse(jobs))
         for file, (row, reason) in zip(files, found, strict=True):
             if row is None:
                 print(f"left out: {reason}", file=sys.stderr)

@@ -172,7 +172,7 @@ def main(
     print(f"{'source':36} files   read   carried   learned   played   off, mm: median   largest   seconds")
     for source, files in sources.items():
         begin, found = time.monotonic(), Source(0)
-        for part in spread((delayed(look_at)(part) for part in libraries_of(files)), where, ordered=True):
+        for part in spread((delayed(look_at)(part) for part in libraries_of(files)), where):
             found = found.with_(part)
         median, largest = (float(f(found.errors)) if found.errors else np.nan for f in (np.median, np.max))
         print(

@@ -125,7 +125,7 @@ def main() -> None:
     given = parser.parse_args()
     cases = [case for case in CASES if given.only in " ".join(case)]
     tasks = (delayed(measure)(*case, given.seconds, given.push) for case in cases)
-    found = list(spread(tasks, given.jobs, ordered=True))
+    found = list(spread(tasks, given.jobs))
     rows = [row for row, _, _ in found]
     if given.sheet:
         draw(cases, found, given.sheet)

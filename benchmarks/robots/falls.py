@@ -152,7 +152,7 @@ def main() -> None:
         tasks = [
             delayed(measure)(name, given.motion, seed, RISES if given.rise else WATCHED) for seed in range(*given.seeds)
         ]
-        falls = [blows for fell, blows in spread(tasks, given.jobs, ordered=True) if fell]
+        falls = [blows for fell, blows in spread(tasks, given.jobs) if fell]
         for number, guard in enumerate(("no", "yes")):
             rows = np.array([_row(blows[number]) for blows in falls]).reshape(-1, len(columns))
             cells = (

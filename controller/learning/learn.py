@@ -18,7 +18,7 @@ from controller.learning.fit import fit_prepared
 from controller.learning.preparation.kind import LOOP_KEEPS
 from controller.learning.preparation.takes import by_motion
 from controller.learning.recipe import LibraryRecipe, NetworkRecipe, check_recipe, typeable
-from controller.learning.recording_analysis import AnalysedRecording, analyse_recording, numbered
+from controller.learning.recording_analysis import AnalysedRecording, Within, analyse_recording, numbered
 from controller.learning.smallest import Candidate, smallest_network
 from controller.learning.trainers.phase_conceptor import PhaseRecipe
 from controller.learning.training_set import COMMON_RATE, LearnedPart, Progress, TrainingSet, prepare
@@ -81,7 +81,7 @@ def learn(
     name: str,
     *,
     options: ReadingOptions = AS_FOUND,
-    within: tuple[float, float] | None = None,
+    within: Within = None,
     network: NetworkRecipe | None = None,
     seeds: Iterable[int] = (0, 1, 2),
     progress: Progress = lambda _: None,
@@ -97,7 +97,7 @@ def learn(
 
     Args:
         options: override all files.
-        within: part of each to use, from and to, s; by default all.
+        within: part of each to use.
         network: its kind and sizes; None is the default of a recipe.
         seeds: tried until every motion passes the self-test.
         progress: called with each step.
@@ -118,7 +118,7 @@ def learn(
     examined: list[AnalysedRecording] = []
     left_out: list[LearnedMotion] = []
     tasks = (delayed(_examined)(file, names[file], options, takes[file], within, plays, whole) for file in files)
-    results = spread(tasks, jobs, ordered=True)
+    results = spread(tasks, jobs)
     for file in files:
         progress(f"reading {file.name}")
         for one in next(results):
@@ -212,13 +212,7 @@ def _takes(files: list[Path]) -> dict[Path, list[Path]]:
 
 
 def _examined(
-    file: Path,
-    name: str,
-    options: ReadingOptions,
-    takes: list[Path],
-    within: tuple[float, float] | None,
-    plays: Plays | None,
-    whole: bool,
+    file: Path, name: str, options: ReadingOptions, takes: list[Path], within: Within, plays: Plays | None, whole: bool
 ) -> Sequence[AnalysedRecording | LearnedMotion]:
     """What is to be learned of a file, of each of several people in it; or why not."""
     try:

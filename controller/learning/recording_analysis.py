@@ -31,6 +31,8 @@ from motiondeck_base.errors import FileFormatError
 # A motion that is cut out may turn into the next one for so long, s; a loop without that lasts as long as the other, s.
 CHANGE_SECONDS, SHORTEST_LOOP = 0.5, 1.0
 Given = float | Literal["auto", "none"] | None
+Within = tuple[float, float] | None
+"""The part of a recording to use, from and to, s; None is all."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +49,7 @@ def analyse_recording(
     file: Path,
     name: str,
     options: ReadingOptions = AS_FOUND,
-    within: tuple[float, float] | None = None,
+    within: Within = None,
     takes: Sequence[Path] = (),
     plays: Plays | None = None,
     *,
@@ -55,9 +57,8 @@ def analyse_recording(
 ) -> list[AnalysedRecording]:
     """Reads a recording and finds its motions, the frames to learn of each, and whether they are a loop.
 
-    `within` is the part to use, from and to, s; `takes` are further ones of a motion taught to a rig. `plays` overrules
-    what is found, not what was taught; with `whole` the recording is one motion. MotiondeckError if it cannot be read,
-    is too short, or nothing moves in it.
+    `takes` are further ones of a motion taught to a rig. `plays` overrules what is found, not what was taught; with
+    `whole` the recording is one motion. MotiondeckError if it cannot be read, is too short, or nothing moves in it.
     """
     own = with_steps(replace(options, skeleton=find_skeleton(file, options)))
     recording = read_fitted(file, own)
@@ -105,17 +106,12 @@ class DecidedTake:
 
 
 def decided(
-    recording: FittedClip,
-    file: Path,
-    within: tuple[float, float] | None = None,
-    plays: Plays | None = None,
-    *,
-    whole: bool = False,
+    recording: FittedClip, file: Path, within: Within = None, plays: Plays | None = None, *, whole: bool = False
 ) -> list[DecidedTake]:
     """Runs the steps of a take in their order: its motions, and whether each is a loop.
 
-    `within` is the part to use, s. A clip that says how it plays is one motion; `plays` is how any other plays. Raises
-    FileFormatError if the recording is too short, or nothing moves in it.
+    A clip that says how it plays is one motion; `plays` is how any other plays. FileFormatError if the recording is too
+    short, or nothing moves in it.
     """
     clip, taught = recording.clip, recording.clip.plays
     first, end = moving_part(clip)

@@ -76,7 +76,7 @@ class Judged:
         known = _read(self._file).get(self._key, {})
         new = [row for row in rows if row not in known]
         where = jobs or Jobs(max(1, min(cpu_count(), len(new) // PER_PROCESS)))
-        made = spread((delayed(_judge)(self, row) for row in new), where, ordered=True)
+        made = spread((delayed(_judge)(self, row) for row in new), where)
         for row in rows:
             if row not in known:
                 known[row] = next(made)

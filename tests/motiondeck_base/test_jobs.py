@@ -52,10 +52,10 @@ def test_results_are_those_of_one_process_bit_for_bit(jobs):
     assert os.getpid() not in pids
 
 
-def test_results_come_in_order_where_that_is_asked_for(jobs):
-    assert list(spread([], jobs, ordered=True)) == []
+def test_results_come_in_order(jobs):
+    assert list(spread([], jobs)) == []
     tasks = (delayed(product)(seed, 10 + 40 * (seed % 3 == 0)) for seed in range(12))
-    assert [seed for seed, _, _ in spread(tasks, jobs, ordered=True)] == list(range(12))
+    assert [seed for seed, _, _ in spread(tasks, jobs)] == list(range(12))
 
 
 def test_a_process_runs_one_task_at_a_time_however_many_threads_it_has(jobs, tmp_path):

@@ -55,7 +55,7 @@ def train_subjects(
     recipe: LibraryRecipe, syllabus: TrainingSet, seeds: Iterable[int], jobs: Jobs = ALONE, tick: Tick = lambda: None
 ) -> list[Subject]:
     """The networks of a recipe, one per seed, in order."""
-    return sorted(_gathered((delayed(_train)(recipe, syllabus, s) for s in seeds), jobs, tick), key=lambda s: s.seed)
+    return gathered((delayed(_train)(recipe, syllabus, seed) for seed in seeds), jobs, tick)
 
 
 def sweep(
@@ -72,20 +72,20 @@ def sweep(
 ) -> list[Count]:
     """Disturbs every motion of every network, without a guard and with one where the deck plays it with one.
 
-    One count for each, by seed and in the order of the motions, after which `tick` is called. `syllabus` has the frames
-    that the networks learned, to judge by; `holds` says whether one-shots were taught to hold their end.
+    One count for each, in their order, after which `tick` is called. `syllabus` has the frames that the networks
+    learned, to judge by; `holds` says whether one-shots were taught to hold their end.
     """
     judge = syllabus.judge(holds=holds)
-    motions = list(syllabus.frames) if motions is None else motions
     tasks = (
         delayed(_count)(kind, subject, motion, runs, judge, len(syllabus.frames[motion]), guarded)
         for subject in subjects
-        for motion in motions
+        for motion in motions or syllabus.frames
     )
-    return sorted(_gathered(tasks, jobs, tick), key=lambda count: (count.seed, motions.index(count.motion)))
+    return gathered(tasks, jobs, tick)
 
 
-def _gathered(tasks: Iterable[Any], jobs: Jobs, tick: Tick) -> list[Any]:
+def gathered(tasks: Iterable[Any], jobs: Jobs, tick: Tick) -> list[Any]:
+    """The results of tasks, in their order; `tick` is called after each."""
     results = []
     for result in spread(tasks, jobs):
         results.append(result)

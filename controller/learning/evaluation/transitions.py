@@ -7,8 +7,8 @@ no brisker than what was recorded. Joints are seen relative to the root, with it
 does not turn: where only one motion turns, a body that goes on smoothly jerks as seen from its own heading.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import chain
 from math import inf
 
 import numpy as np
@@ -17,6 +17,7 @@ from threadpoolctl import threadpool_limits
 
 from controller.deck.deck import Deck
 from controller.deck.performance import Joining
+from controller.learning.evaluation.failure_rates import Tick, gathered
 from controller.learning.measures.self_test import Judge, distances
 from controller.learning.training_set import TrainingSet
 from controller.library.motion_library import MotionLibrary
@@ -26,7 +27,7 @@ from controller.motion.rotations import Array, rotate, yaw
 from controller.motion.skeleton import Posture
 from controller.networks.clip.network import ClipPlayer
 from motiondeck_base.errors import MotiondeckError
-from motiondeck_base.jobs import ALONE, Jobs, spread
+from motiondeck_base.jobs import ALONE, Jobs
 
 RAMP = 120
 LONGEST = 3600
@@ -55,12 +56,7 @@ class MeasuredTransition:
 
 
 def all_crossings(
-    library: MotionLibrary,
-    syllabus: TrainingSet,
-    *,
-    holds: bool = True,
-    jobs: Jobs = ALONE,
-    tick: Callable[[], None] = lambda: None,
+    library: MotionLibrary, syllabus: TrainingSet, *, holds: bool = True, jobs: Jobs = ALONE, tick: Tick = lambda: None
 ) -> list[MeasuredTransition]:
     """All ordered pairs with all methods; one switch per pair, at a random moment of the source.
 
@@ -76,11 +72,7 @@ def all_crossings(
     judge = syllabus.judge(holds=holds)
     peaks = {name: _own_peaks(syllabus, frames, syllabus.loops[name]) for name, frames in syllabus.frames.items()}
     tasks = (delayed(_from)(source, library, syllabus, judge, peaks) for source in syllabus.frames)
-    found: list[MeasuredTransition] = []
-    for crossings in spread(tasks, jobs, ordered=True):
-        found += crossings
-        tick()
-    return found
+    return list(chain.from_iterable(gathered(tasks, jobs, tick)))
 
 
 def _from(

@@ -41,7 +41,7 @@ def tune(file: Path, library: str, motions: list[str], seconds: float, rounds: i
             for settings in tried
             for number, course in enumerate(courses)
         ]
-        trials = list(spread(tasks, jobs, ordered=True))
+        trials = list(spread(tasks, jobs))
         return [trials[at : at + len(courses)] for at in range(0, len(trials), len(courses))]
 
     with progress("tuning", steps(rounds)) as tick:
