@@ -273,10 +273,7 @@ def _parent(skeleton: Skeleton, bone: int) -> int:
 
 
 def _path(skeleton: Skeleton, bone: int) -> list[int]:
-    path = [bone]
-    while (parent := _parent(skeleton, path[0])) != ROOT:
-        path.insert(0, parent)
-    return path
+    return np.flatnonzero(skeleton.chain[bone]).tolist()
 
 
 def _main_path(skeleton: Skeleton, branch: int, leaves: list[int]) -> list[int]:

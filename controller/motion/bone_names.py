@@ -91,11 +91,7 @@ class _Style(NamedTuple):
     """The naming convention of a skeleton."""
 
     shared: frozenset[str]  # ignored words, because most names contain them
-    joints: bool  # a shoulder is the upper arm: bones are named after joints, or collar bones have other names
-    shins: bool  # a leg is a thigh, because a shin or knee follows
-    ankles: bool  # a foot is the toes, because an ankle precedes it
-    thighs: bool  # a hip with a side is above the thigh, because thighs have other names
-    wrists: bool  # a wrist is the far part of the forearm, because a radius precedes it and a hand follows
+    sided: dict[str, Part]  # the parts of words with a side that have another one here, or without it
 
     @classmethod
     def of(cls, names: Iterable[str]) -> Self:
@@ -113,29 +109,22 @@ class _Style(NamedTuple):
         shins = bool(keys & {"shin", "calf", "shank", "lowerleg", "lowleg", "loleg", "leglower", "lleg", "knee"})
         uppers = {"upperarm", "uparm", "armupper", "arm", "uarm", "humerus"}
         others = {"elbow", "knee", "clavicle", "clav", "collar", "collarbone", "scapula"}
-        joints = bool(keys & others) and not keys & uppers
-        wrists = {"radius", "wrist", "hand"} <= keys
-        return cls(shared, joints, "leg" in keys and shins and not thighs, "ankle" in keys, thighs, wrists)
+        depends: tuple[tuple[str, Part, bool], ...] = (
+            ("hip", "hip", thighs),  # with a side it is above the thigh, because thighs have other names
+            # Bones are named after joints, or collar bones have other names.
+            ("shoulder", "upper arm", bool(keys & others) and not keys & uppers),
+            ("leg", "thigh", shins and not thighs),  # a shin or a knee follows
+            ("foot", "toes", "ankle" in keys),  # which precedes it
+            ("wrist", "forearm", {"radius", "wrist", "hand"} <= keys),  # the far part of it, before a hand
+        )
+        sided: dict[str, Part] = {word: part for word, part, so in depends if so}
+        return cls(shared, _SIDED_ONLY | sided)
 
     def part(self, name: str) -> NamedPart | None:
         key, side = _key(name, self.shared)
-        if side == "middle":
-            part = _KEYS.get(key)
-            return NamedPart(part, side) if part in _MIDDLE else None
-        if key == "hip" and self.thighs:
-            return NamedPart("hip", side)
-        if key in _SIDED_ONLY:
-            return NamedPart(_SIDED_ONLY[key], side)
-        if key == "shoulder" and self.joints:
-            return NamedPart("upper arm", side)
-        if key == "leg" and self.shins:
-            return NamedPart("thigh", side)
-        if key == "foot" and self.ankles:
-            return NamedPart("toes", side)
-        if key == "wrist" and self.wrists:
-            return NamedPart("forearm", side)
-        part = _KEYS.get(key)
-        return None if part is None or part in _MIDDLE else NamedPart(part, side)
+        part = self.sided.get(key) if side != "middle" else None
+        part = part or _KEYS.get(key)
+        return NamedPart(part, side) if part is not None and (part in _MIDDLE) == (side == "middle") else None
 
 
 def named_parts(names: Iterable[str]) -> list[NamedPart | None]:

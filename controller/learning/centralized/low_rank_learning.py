@@ -18,15 +18,9 @@ import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 from threadpoolctl import threadpool_limits
 
+from controller.learning.centralized import satellite_learning
 from controller.learning.centralized.model_choice import aicc
-from controller.learning.centralized.satellite_learning import (
-    RIDGE_SHARE,
-    WIDTHS,
-    LearnedSatellites,
-    learn_jointly,
-    rank_frequencies,
-    rank_satellites,
-)
+from controller.learning.centralized.satellite_learning import RIDGE_SHARE, WIDTHS, LearnedSatellites, learn_jointly
 from controller.motion.rotations import Array, Flags, Indices
 from controller.networks.centralized.centers import pairs_at, require_frequencies
 from controller.networks.centralized.low_rank import LowRankWeights
@@ -110,7 +104,8 @@ def learn_low_rank(
     channels, independent = target.shape[1], independent or len(target)
     with threadpool_limits(1):
         left, size, directions = np.linalg.svd(target, full_matrices=False)
-        best = rank_frequencies(starts, left[:, :MOST_CURVES] * size[:MOST_CURVES], time, most)[:KEPT]
+        leading = left[:, :MOST_CURVES] * size[:MOST_CURVES]
+        best = satellite_learning.rank_frequencies(starts, leading, time, most)[:KEPT]
     curves = min(MOST_CURVES, int((size > 1e-9 * size[0]).sum()))
     scores, energy = left[:, :curves] * size[:curves], np.square(size[:curves])
     by_channel = np.square(size[:curves, None] * directions[:curves]).T
@@ -119,7 +114,8 @@ def learn_low_rank(
     def learned_at(frequency: Array, weight_price: float) -> LowRankNetwork:
         phase = np.zeros(len(frequency))
         states = pairs_at(frequency, phase, time)[::thin]
-        ranked, explained = rank_satellites(states, scores[::thin], min(most, len(states) - 1), SHARPER)
+        count = min(most, len(states) - 1)
+        ranked, explained = satellite_learning.rank_satellites(states, scores[::thin], count, SHARPER)
         explained = explained * energy / np.maximum(np.square(scores[::thin]).sum(0), 1e-300)
         plans = _path(by_channel, energy, explained, float(np.square(size).sum()), weight_price)
         plan = _chosen(plans, len(frequency), target.shape, parameters, independent)

@@ -13,10 +13,10 @@ from dataclasses import replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from controller.learning.measures.self_test import Judge, MotionVerdict, after_disturbance, self_test
-from controller.networks.base import AnyNetwork, AutonomousNetwork
+from controller.motion.rotations import Flags
+from controller.networks.base import AnyNetwork, AutonomousNetwork, Float32
 from controller.networks.guard import LossWatch
 
 Kind = Literal["robustness", "stability"]
@@ -38,8 +38,8 @@ def disturbed(
     runs: int,
     rng: np.random.Generator,
     watch: LossWatch | None = None,
-    weights: NDArray[np.float32] | None = None,
-) -> NDArray[np.float32]:
+    weights: Float32 | None = None,
+) -> Float32:
     """The frames, shape (R, STEPS, C), of R disturbed runs of a motion, each from its first anchor on.
 
     The network's own state is left alone.
@@ -68,7 +68,7 @@ def disturbed(
     return out
 
 
-def _restart(network: AutonomousNetwork, motion: str, watch: LossWatch, lost: NDArray[np.bool_]) -> None:
+def _restart(network: AutonomousNetwork, motion: str, watch: LossWatch, lost: Flags) -> None:
     rows = np.flatnonzero(lost)
     if len(rows):
         network.cue(motion, watch.restart(rows), rows)
@@ -84,12 +84,7 @@ def with_trials(verdicts: dict[str, MotionVerdict], failed: dict[str, int]) -> d
 
 
 def failures(
-    network: AnyNetwork,
-    motion: str,
-    kinds: tuple[Kind, ...],
-    judge: Judge,
-    seed: int,
-    weights: NDArray[np.float32] | None = None,
+    network: AnyNetwork, motion: str, kinds: tuple[Kind, ...], judge: Judge, seed: int, weights: Float32 | None = None
 ) -> int:
     """The number of failed runs of a motion under kinds of disturbance, or FREE_RUN; `weights` as of `disturbed`."""
     if not self_test(network, judge, (motion,))[motion].passed:

@@ -6,7 +6,7 @@ relative to the root in the heading frame are; see docs/recognition.md for the f
 
 import contextlib
 from collections.abc import Sequence
-from typing import Literal
+from typing import Literal, Self
 
 import msgspec
 import numpy as np
@@ -45,18 +45,17 @@ class FeatureRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_
         if not (np.isfinite(self.rate) and 1.0 <= self.rate <= 1000.0):
             raise MotiondeckError(f"a feature rate of {self.rate:g} Hz is not between 1 and 1000")
 
+    def for_clips(self, clips: Sequence[Clip]) -> Self:
+        """With the joints for recordings of several kinds: their own if they share them, else the canonical ones."""
+        bones = [clip.skeleton.bones for clip in clips]
+        shared = all(set(JOINTS) <= set(own) for own in bones) or all(set(own) == set(bones[0]) for own in bones)
+        others = joints_of(bones[0]) if shared else tuple(CANONICAL[joint] for joint in JOINTS)
+        return msgspec.structs.replace(self, joints=self.joints or others)
+
 
 def joints_of(bones: tuple[str, ...]) -> tuple[str, ...]:
     """The default joints."""
     return JOINTS if set(JOINTS) <= set(bones) else bones
-
-
-def common_joints(clips: Sequence[Clip]) -> tuple[str, ...]:
-    """The joints for recordings of several kinds: their own if they share them, else the canonical ones."""
-    bones = [clip.skeleton.bones for clip in clips]
-    if all(set(JOINTS) <= set(own) for own in bones) or all(set(own) == set(bones[0]) for own in bones):
-        return joints_of(bones[0])
-    return tuple(CANONICAL[joint] for joint in JOINTS)
 
 
 def features(clip: Clip, recipe: FeatureRecipe, stretch: float = 1.0) -> Array:

@@ -7,23 +7,8 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from controller.learning.recognition.experts import (
-    ExpertBank,
-    ExpertRecipe,
-    ModelSpace,
-    Moments,
-    margins,
-    moments,
-    teach,
-)
-from controller.learning.recognition.features import (
-    POSITION_UNIT,
-    VELOCITY_UNIT,
-    FeatureRecipe,
-    common_joints,
-    features,
-    still_features,
-)
+from controller.learning.recognition.experts import ExpertBank, ExpertRecipe, ModelSpace, Moments, moments, teach
+from controller.learning.recognition.features import FeatureRecipe, features, still_features, with_velocity
 from controller.learning.recognition.labelled_recordings import Dataset, inner_folds
 from controller.learning.recognition.online_recognizer import FrameTimes, OnlineRecognizer
 from controller.motion.clip import Clip
@@ -95,7 +80,8 @@ class Recognizer:
         """The verdict on the experts' centred log errors, which say whether it is known, and on costs, both (M,)."""
         named = dict(zip(self.bank.classes, costs.tolist(), strict=True))
         known = float(self.bank.confidences(errors[None])[0]) >= self.threshold
-        return RecognitionVerdict(self.bank.classes[int(costs.argmin())], known, float(margins(costs[None])[0]), named)
+        least, second = sorted(named.values())[:2]
+        return RecognitionVerdict(self.bank.classes[int(costs.argmin())], known, second - least, named)
 
 
 def train_recognizer(
@@ -112,8 +98,7 @@ def train_recognizer(
     if len(dataset.classes) < 2:
         there = f"there is only one class, '{dataset.classes[0]}'" if dataset.classes else "there is no class"
         raise MotiondeckError(f"{there}; a recognizer needs two folders or more.")
-    joints = look.joints or common_joints([example.clip for example in dataset.examples])
-    look = msgspec.structs.replace(look, joints=joints)
+    look = look.for_clips([example.clip for example in dataset.examples])
     signals = [[features(example.clip, look, stretch) for stretch in stretches] for example in dataset.examples]
     short = [e.path for e, own in zip(dataset.examples, signals, strict=True) if min(map(len, own)) < 2]
     if short:
@@ -288,7 +273,7 @@ class BodyRecognizer:
         before = self._frame if self._frame is not None else frame
         self._frame = frame
         if self._recipe.velocity:
-            frame = np.concatenate([frame, (frame - before) * (self._recipe.rate * POSITION_UNIT / VELOCITY_UNIT)])
+            frame = with_velocity(np.stack([before, frame]), self._recipe.rate)[1]
         self.online.update(frame)
         verdict = self.online.motion if self.online.known else None
         self._steady = self._steady + 1.0 / self._recipe.rate if verdict == self._verdict else 0.0

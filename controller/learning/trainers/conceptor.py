@@ -6,13 +6,9 @@ import numpy as np
 
 from controller.learning.measures.self_test import Judge
 from controller.learning.preparation.training_motion import Lessons
+from controller.learning.reservoirs import conceptor_training
 from controller.learning.reservoirs.aperture_choice import settled_network
-from controller.learning.reservoirs.conceptor_training import (
-    ConceptorRecipe,
-    conceptor_network,
-    input_targets,
-    load_reservoir,
-)
+from controller.learning.reservoirs.conceptor_training import ConceptorRecipe, input_targets, load_reservoir
 from controller.learning.trainers.trainer import SettledNetwork, Trainer, TrainingError, mabs, nrmse
 from controller.motion.rotations import Array
 from controller.networks.conceptor.network import ConceptorNetwork
@@ -32,8 +28,7 @@ class ConceptorTrainer(Trainer[ConceptorRecipe]):
                 yield f"the aperture of '{name}' is {aperture}; it lies between 0 and 1e6"
 
     def train(self, recipe: ConceptorRecipe, lessons: Lessons, seed: int) -> ConceptorNetwork:
-        loaded = load_reservoir(lessons.motions, recipe, seed)
-        return conceptor_network(loaded, lessons, recipe)
+        return conceptor_training.conceptor_network(load_reservoir(lessons.motions, recipe, seed), lessons, recipe)
 
     def settle(self, recipe: ConceptorRecipe, lessons: Lessons, seed: int, judge: Judge) -> SettledNetwork:
         loaded = load_reservoir(lessons.motions, recipe, seed)

@@ -7,20 +7,10 @@ from itertools import pairwise
 
 import numpy as np
 
+from controller.motion import rotations
 from controller.motion.canonical.canonical_body import CANONICAL_BONES, to_canonical
 from controller.motion.clip import Clip
-from controller.motion.rotations import (
-    Array,
-    Flags,
-    Indices,
-    by_blocks,
-    conjugate,
-    continuous,
-    from_rotation_vector,
-    multiply,
-    normalise,
-    to_rotation_vector,
-)
+from controller.motion.rotations import Array, Flags, Indices, by_blocks, conjugate, continuous, multiply, normalise
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.words import counted
 
@@ -57,8 +47,8 @@ def interpolated(clip: Clip, low: Indices, between: Callable[[list[Array]], Arra
     near = [np.clip(low + step, 0, len(clip) - 1) for step in (-1, 0, 1, 2)]
     position = between([clip.root_position[index] for index in near])
     start = clip.rotation[low]
-    turns = [to_rotation_vector(multiply(conjugate(start), clip.rotation[index])) for index in near]
-    rotation = normalise(multiply(start, from_rotation_vector(between(turns))))
+    turns = [rotations.to_rotation_vector(multiply(conjugate(start), clip.rotation[index])) for index in near]
+    rotation = normalise(multiply(start, rotations.from_rotation_vector(between(turns))))
     return replace(clip, root_position=position, rotation=continuous(rotation))
 
 

@@ -18,22 +18,11 @@ from typing import ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from controller.motion import rotations
 from controller.motion.anatomy import Side, anatomy
 from controller.motion.clip import Clip
 from controller.motion.orientation import orient
-from controller.motion.rotations import (
-    Array,
-    FixedVectors,
-    about,
-    between,
-    conjugate,
-    cross,
-    dot,
-    multiply,
-    normalise,
-    rotate,
-    yaw,
-)
+from controller.motion.rotations import Array, about, between, conjugate, cross, dot, multiply, normalise, rotate, yaw
 from controller.motion.skeleton import ROOT, Posture, Skeleton, SkeletonInfo
 from motiondeck_base.errors import FileFormatError
 
@@ -193,8 +182,8 @@ class JointRotations(BoneDirections):
         return direction, side
 
     @cached_property
-    def _rest_side(self) -> FixedVectors:
-        return FixedVectors(self._axes[1])
+    def _rest_side(self) -> rotations.FixedVectors:
+        return rotations.FixedVectors(self._axes[1])
 
     def directions(self, channels: Array) -> Array:
         """Unit vectors of the bones, shape (..., B, 3)."""

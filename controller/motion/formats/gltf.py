@@ -11,20 +11,12 @@ from pathlib import Path
 
 import numpy as np
 
+from controller.motion import rotations
 from controller.motion.canonical.clip_edits import cubic
 from controller.motion.clip import AS_FOUND, Clip, Format, ReadingOptions
 from controller.motion.formats.gltf_buffers import Accessors, Animation, Asset, Sampler, open_gltf
 from controller.motion.joint_tree import MOST_POSES, JointTree, chosen_person, clip_of, distinct, people_in
-from controller.motion.rotations import (
-    Array,
-    conjugate,
-    dot,
-    from_rotation_vector,
-    multiply,
-    normalise,
-    rotate,
-    to_rotation_vector,
-)
+from controller.motion.rotations import Array, conjugate, dot, multiply, normalise, rotate
 from motiondeck_base.errors import FileFormatError
 
 SLOWEST, FASTEST = 30.0, 240.0  # Hz: sparse and dense keyframes are sampled within these
@@ -95,8 +87,8 @@ class _Track:
             return start + share * (end - start)
         start, end = normalise(start[:, [3, 0, 1, 2]]), normalise(end[:, [3, 0, 1, 2]])
         end = np.where(dot(start, end)[:, None] < 0.0, -end, end)
-        turn = from_rotation_vector(share * to_rotation_vector(multiply(conjugate(start), end)))
-        return multiply(start, turn)[:, [1, 2, 3, 0]]
+        turn = share * rotations.to_rotation_vector(multiply(conjugate(start), end))
+        return multiply(start, rotations.from_rotation_vector(turn))[:, [1, 2, 3, 0]]
 
 
 def _tracks(path: str | Path, asset: Asset, accessors: Accessors, animation: Animation) -> list[_Track]:

@@ -28,6 +28,7 @@ from motiondeck_base.files import Line, listed, read_lines, shortened
 _UNITS = {"meters": 1.0, "centimeters": 0.01, "millimeters": 0.001, "inches": 0.0254, "feet": 0.3048, **UNITS}
 _MARKERS = ("Marker", "Bone Marker", "Skeleton Marker")  # the first kind of which there is one
 _HEAD_LINES = 20  # at most before the columns' names
+_Columns = dict[tuple[str, str, str], list[int]]  # of x, y, z (and w), by kind, name and measure
 # The part that each part hangs on, nearest first; parents before their children.
 _HANGS_ON = {
     **{"pelvis": ("pelvis",), "hip": ("pelvis",), "trunk": ("trunk", "pelvis")},
@@ -48,7 +49,7 @@ def read_motive(path: str | Path, options: ReadingOptions = AS_FOUND) -> Clip | 
     rows = [(number, text + "," * (len(axes) - 1 - text.count(","))) for number, text in enumerate(texts, 1)][first:]
     rows = [(number, text) for number, text in rows if text.strip(", ")]
     table = numbers(path, rows, len(axes), ",", FARTHEST / unit)
-    columns: dict[tuple[str, str, str], list[int]] = {}  # of x, y, z (and w), by kind, name and measure
+    columns: _Columns = {}
     for column in range(2, len(axes)):
         columns.setdefault((kinds[column], names[column], measures[column]), []).append(column)
     bones = [name for kind, name, measure in columns if (kind, measure) == ("Bone", "Rotation")]
@@ -96,12 +97,7 @@ def _head(path: str | Path, texts: list[str]) -> tuple[dict[str, str], list[str]
 
 
 def _skeleton(
-    path: str | Path,
-    about: dict[str, str],
-    table: Array,
-    columns: dict[tuple[str, str, str], list[int]],
-    bones: list[str],
-    person: str | None,
+    path: str | Path, about: dict[str, str], table: Array, columns: _Columns, bones: list[str], person: str | None
 ) -> JointTree:
     if about.get("Coordinate Space", "Global") != "Global":
         raise FileFormatError(f"{path} line 1: bones are in local coordinates. Export it again with global ones.")

@@ -16,19 +16,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from controller.motion import rotations
 from controller.motion.clip import Clip, Markers, bridged
 from controller.motion.orientation import orient
-from controller.motion.rotations import (
-    Array,
-    conjugate,
-    continuous,
-    cross,
-    from_rotation_vector,
-    multiply,
-    normalise,
-    rotate,
-    to_rotation_vector,
-)
+from controller.motion.rotations import Array, conjugate, continuous, cross, multiply, normalise, rotate
 from controller.motion.skeleton import JAEGER_BONES, JAEGER_TREE, Skeleton, thesis_skeleton
 from controller.motion.up_axis import TO_OURS
 from motiondeck_base.errors import FileFormatError
@@ -296,7 +287,7 @@ class _Body:
             normal = weighted @ flat + DAMPING * np.eye(3 + 3 * free)
             pull = (weighted @ off.reshape(frames, -1, 1))[..., 0]
             for bone, parent, lever in self._held:
-                apart = to_rotation_vector(multiply(rotation[:, bone], conjugate(rotation[:, parent])))
+                apart = rotations.to_rotation_vector(multiply(rotation[:, bone], conjugate(rotation[:, parent])))
                 for one, other, sign in ((bone, parent, -1.0), (parent, bone, 1.0)):
                     at, there = (slice(3 + 3 * self._turn[b], 6 + 3 * self._turn[b]) for b in (one, other))
                     pull[:, at] += sign * lever**2 * apart
@@ -304,7 +295,7 @@ class _Body:
                     normal[:, at, there] -= lever**2 * np.eye(3)
             step = np.linalg.solve(normal, pull[..., None])[..., 0].astype(np.float64, copy=False)
             position = position + step[:, :3]
-            turned = from_rotation_vector(step[:, 3:].reshape(frames, free, 3))
+            turned = rotations.from_rotation_vector(step[:, 3:].reshape(frames, free, 3))
             rotation = normalise(multiply(turned[:, self._turn], rotation))
         return position, rotation
 

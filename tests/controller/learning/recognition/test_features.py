@@ -10,7 +10,6 @@ from controller.learning.recognition.features import (
     CANONICAL,
     JOINTS,
     FeatureRecipe,
-    common_joints,
     features,
     resampled,
     with_velocity,
@@ -126,5 +125,5 @@ def test_a_recognizer_of_acclaim_joints_reads_other_bodies_by_the_canonical_ones
 @pytest.mark.thorough
 def test_recordings_of_several_kinds_share_the_canonical_joints(recorded):
     one, other = recorded
-    assert common_joints([one, one]) == one.skeleton.bones
-    assert set(common_joints([one, other])) <= set(to_canonical(one).skeleton.bones)
+    assert FeatureRecipe().for_clips([one, one]).joints == one.skeleton.bones
+    assert set(FeatureRecipe().for_clips([one, other]).joints) <= set(to_canonical(one).skeleton.bones)
