@@ -54,15 +54,9 @@ class Bodies:
         return cls(scene, follower, ghost, target)
 
     def twin(self, client: viser.ClientHandle) -> Self:
-        """The same for one browser, which sees them in place of these."""
+        """The same for one browser, which sees them in place of these; without a target."""
         follower, ghost = self.follower and self.follower.twin(client), self.ghost and self.ghost.twin(client)
-        return replace(
-            self,
-            scene=self.scene.twin(client),
-            follower=follower,
-            ghost=ghost,
-            target=self.target and self.target.twin(client),
-        )
+        return replace(self, scene=self.scene.twin(client), follower=follower, ghost=ghost, target=None)
 
     def show(self, bodies: PictureArrays, view: View, centre: Array) -> None:
         """Draws what a picture has, as seen by someone at the centre (2,), m."""

@@ -4,7 +4,7 @@ from html import escape
 
 from controller.wire.messages.deck_snapshot import DeckSnapshot
 
-GOOD, UNSURE, BAD = "#2b8a3e", "#868e96", "#c92a2a"
+GOOD, UNSURE, BAD = "#237032", "#5c636a", "#a61e6b"
 SURE = 0.26  # confidence at which the second expert's error is 1.35 times that of the best one
 SHOWN_MISMATCH = 0.25  # s for which another motion must be seen before the page turns red
 _GRID = "display:grid;grid-template-columns:1fr 1.3fr;gap:2px 12px;padding:2px 14px 6px;font-size:13px;line-height:1.35"
@@ -32,7 +32,7 @@ def loop_figures(state: DeckSnapshot) -> str:
     late_ticks = state.overruns
     word = f"Late: {late_ticks} ticks took longer than a period." if late_ticks else "On time: no tick was late."
     boxes = "".join(
-        f'<div><div style="opacity:.6;font-size:11px">{name}</div>'
+        f'<div><div style="color:#495057;font-size:12px">{name}</div>'
         f'<div style="font-variant-numeric:tabular-nums;font-weight:600">{value}</div></div>'
         for name, value in cells
     )
@@ -47,7 +47,7 @@ def recognition_text(state: DeckSnapshot, unrecognized: str) -> str:
     colour = BAD if wrong or state.stuck else GOOD if share >= SURE else UNSURE
     name = escape(name)
     lines = [
-        '<div style="opacity:.6;font-size:11px">it looks like</div>',
+        '<div style="color:#495057;font-size:12px">it looks like</div>',
         f'<div style="display:flex;justify-content:space-between"><b>{name}</b>'
         f'<span style="font-variant-numeric:tabular-nums">confidence {share:.2f}</span></div>',
         '<div style="background:rgba(128,128,128,.25);border-radius:3px;height:5px;margin:2px 0">'

@@ -21,7 +21,7 @@ from motiondeck.page.ghost import WAYS
 from motiondeck.page.motions.motion_controls import MotionControls
 from motiondeck.page.scene import CAMERAS
 from motiondeck.page.web.page_state import PageDescription
-from motiondeck.page.web.page_style import STOPS, STYLE, buttons_in_line
+from motiondeck.page.web.page_style import CURRENT, QUIET, STOPS, STYLE
 from motiondeck.page.web.parts import PageParts, ask
 from motiondeck.page.web.private_page import PrivatePage
 from motiondeck.page.web.state_line import ended_line, state_line
@@ -106,7 +106,7 @@ class Panel:
         gui = page.gui
         gui.main_panel.dock_right()  # the scene has what is left, and nothing covers the robot
         gui.main_panel.set_width(PANEL_WIDTH)
-        gui.add_html(STYLE + buttons_in_line(3))
+        gui.add_html(STYLE)
         self.parts = PageParts(page)
         self._notices = Notices(self.parts)
         # What happens and how to stop it stand first, so that they are visible in a small window too.
@@ -115,17 +115,18 @@ class Panel:
         stop, pause, step = f"{helps['estop']} Key: Esc.", f"{helps['pause']} Key: space.", f"{STEPS} Key: S."
         self._estop = gui.add_button("Emergency stop", icon=icons.ALERT_OCTAGON, color=STOPS, hint=stop)
         self._estop.on_click(self._stop_or_ask)
-        self._pause = gui.add_button("Pause", icon=icons.PLAYER_PAUSE, color="gray", hint=pause)
+        self._pause = gui.add_button("Pause", icon=icons.PLAYER_PAUSE, color=QUIET, hint=pause)
         self._pause.on_click(lambda _: self._pause_or_resume())
-        self._home = gui.add_button("Home", icon=icons.HOME, color="gray", hint=helps["home"])
+        self._home = gui.add_button("Home", icon=icons.HOME, color=QUIET, hint=helps["home"])
         self._home.on_click(lambda _: self.send(say.Home()))
-        self._end = gui.add_button("End run", icon=icons.PLAYER_STOP, color="gray", hint=helps["stop"])
+        self._end = gui.add_button("End run", icon=icons.PLAYER_STOP, color=QUIET, hint=helps["stop"])
         self._end.on_click(self._ask_to_end)
-        self._step = gui.add_button("Step", icon=icons.PLAYER_SKIP_FORWARD, color="gray", visible=False, hint=step)
+        self._step = gui.add_button("Step", icon=icons.PLAYER_SKIP_FORWARD, color=QUIET, disabled=True, hint=step)
         self._step.on_click(lambda _: self.send(say.StepOn(seconds=STEP)))
         self.motion_controls = MotionControls(self.parts, about, self.send)
         lowest = TEMPO.lowest if about.has_phase else 0.0
-        self._tempo = gui.add_slider("tempo", min=lowest, max=TEMPO.highest, step=0.05, initial_value=1.0)
+        marks = tuple((at, f"{at:g}") for at in (lowest, 1.0, TEMPO.highest))
+        self._tempo = gui.add_slider("tempo", lowest, TEMPO.highest, step=0.05, initial_value=1.0, marks=marks)
         self._tempo.on_update(self._tempo_moved)
         self._tap = self._add_tap() if about.has_phase else None
         if about.groups and about.library_file:
@@ -169,8 +170,8 @@ class Panel:
     def _add_pushes(self, usual: float) -> None:
         gui = self._page.gui
         with gui.add_folder("push", expand_by_default=False):
-            step = usual / 20.0
-            impulse = gui.add_slider("N s", min=step, max=3.0 * usual, step=step, initial_value=usual)
+            step = float(f"{usual / 20.0:.1g}")
+            impulse = gui.add_slider("N s", step, round(60.0 * step, 6), step, round(round(usual / step) * step, 6))
             sides = gui.add_button_group("from the", SIDES, hint=BY_WORD["push"].help)
         sides.on_click(lambda _: self.send(say.Push(cast(Side, sides.value), float(impulse.value))))
 
@@ -185,8 +186,8 @@ class Panel:
     def _add_tap(self) -> viser.GuiButtonHandle:
         gui = self._page.gui
         with gui.add_folder("beat", expand_by_default=False):
-            tap = gui.add_button("Tap", color="gray", hint=BY_WORD["beat"].help)
-            unlock = gui.add_button("Unlock", color="gray", hint=BY_WORD["unlock"].help)
+            tap = gui.add_button("Tap", color=QUIET, hint=BY_WORD["beat"].help)
+            unlock = gui.add_button("Unlock", color=QUIET, hint=BY_WORD["unlock"].help)
         tap.on_click(lambda _: self.send(say.GiveBeat()))
         unlock.on_click(lambda _: self.send(say.Unlock()))
         return tap
@@ -205,9 +206,10 @@ class Panel:
             self._pause.label = "Resume" if now.paused else "Pause"
             self._pause.icon = viser.Icon.PLAYER_PLAY if now.paused else viser.Icon.PLAYER_PAUSE
         if (now.paused, now.mode) != (before.paused, before.mode):
-            self._step.visible = now.paused and now.mode == "playing"
+            self._step.disabled = not (now.paused and now.mode == "playing")
         if now.mode != before.mode:
             self._estop.label = "Reset" if self._stopped else "Emergency stop"
+            self._estop.color = CURRENT if self._stopped else STOPS
             for control, command in self._controls:
                 control.disabled = now.mode not in command.modes
         tempo = round(now.commanded_tempo, 2)

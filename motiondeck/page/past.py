@@ -15,8 +15,8 @@ from motiondeck.page.web.parts import PageParts, Part
 # Events after which every browser sees what happens now; the others are routine.
 CALLS_BACK = {"motion", "gave up", "paused", "resumed", "mode", "fault", "servo", "layer", "push", "fell", "lost"}
 HELD_OFF = 0.5  # s after that in which no browser looks back: a hand that drags still sends something
-NOW_ALONE = ("/glow", "/steps", "/forces", "/network")  # drawn of the present only
-BODIES = [f"/{look}{whose}" for look in ("robot", "shadow") for whose in ("", " follower", " human", " target")]
+NOW_ALONE = ("/glow", "/steps", "/forces", "/network", "/robot target", "/shadow target")  # drawn of the present only
+BODIES = [f"/{look}{whose}" for look in ("robot", "shadow") for whose in ("", " follower", " human")]
 
 
 class Past:

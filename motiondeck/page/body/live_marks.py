@@ -1,8 +1,6 @@
 """Live marks on the page of a run: contacts and prints of feet, contact forces, and the target pose of the servos."""
 
 from collections.abc import Callable
-from copy import copy
-from typing import Self
 
 import mujoco
 import numpy as np
@@ -24,12 +22,6 @@ class TargetPose:
     def __init__(self, page: PrivatePage, load: Callable[[], mujoco.MjModel], height: float) -> None:
         self._page, self._load, self._height = page, load, height
         self._drawn: DrawnModel | None = None
-
-    def twin(self, client: viser.ClientHandle) -> Self:
-        """The same for one browser, which sees it in place of this one, if it was switched on by now."""
-        twin = copy(self)
-        twin._drawn = self._drawn and self._drawn.twin(client)
-        return twin
 
     def show(self, target: Array, centre: Array, *, visible: bool) -> None:
         """Draws it at a target (nq,), as seen by someone at the centre (2,), m."""

@@ -134,7 +134,7 @@ class LearnPanel:
             widget.visible = visible
 
     def _say(self, text: str, *, wrong: bool = False) -> None:
-        colour = "color:#c92a2a;font-weight:600" if wrong else ""
+        colour = "color:#a61e6b;font-weight:600" if wrong else ""
         self._said.content = f'<div class="part" id="learning" style="{colour}">{html.escape(text)}</div>'
 
 

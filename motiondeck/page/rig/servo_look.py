@@ -26,7 +26,7 @@ _LEVELS = {
     "does not follow": "warn",
     "is off on command": "off",
 }
-COLOURS = {"ok": (43, 138, 62), "warn": (247, 103, 7), "bad": (224, 49, 49), "off": (134, 142, 150)}
+COLOURS = {"ok": (43, 138, 62), "warn": (247, 103, 7), "bad": (194, 37, 120), "off": (134, 142, 150)}
 
 
 @dataclass(frozen=True)

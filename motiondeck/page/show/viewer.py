@@ -15,7 +15,7 @@ import msgspec
 import viser
 
 from motiondeck.page.show.show_text import ENDED, cue_table, deck_cards, show_line, silent_line
-from motiondeck.page.web.page_style import NOTICE_SECONDS, STOPS, STYLE, buttons_in_line, style_in
+from motiondeck.page.web.page_style import NOTICE_SECONDS, QUIET, STOPS, STYLE, style_in
 from motiondeck.page.web.private_page import PrivatePage, served
 from motiondeck.shows.show_state import ShowNotice, ShowState
 from motiondeck_base.errors import MotiondeckError
@@ -33,12 +33,12 @@ class ShowView:
         gui = page.gui
         gui.main_panel.dock_right()
         gui.main_panel.set_width(WIDTH)
-        gui.add_html(STYLE + buttons_in_line(2) + SHOW_STYLE)
+        gui.add_html(STYLE + SHOW_STYLE)
         self._line = gui.add_html("")
         icons = viser.Icon
         stop = gui.add_button("Emergency stop", icon=icons.ALERT_OCTAGON, color=STOPS, hint="Of all decks. Key: Esc.")
         go = gui.add_button("Go", icon=icons.PLAYER_PLAY, color=GO, hint="Passes a hold point.")
-        hold = gui.add_button("Hold", icon=icons.HAND_STOP, color="gray", hint="No more cues until Go.")
+        hold = gui.add_button("Hold", icon=icons.HAND_STOP, color=QUIET, hint="No more cues until Go.")
         self._buttons = {"stop": stop, "go": go, "hold": hold}
         for word, button in self._buttons.items():
             button.on_click(lambda _, word=word: self.say(word))

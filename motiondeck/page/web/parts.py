@@ -13,7 +13,7 @@ from typing import Any
 import viser
 
 from controller.wire.messages.commands import DeckCommand
-from motiondeck.page.web.page_style import STOPS
+from motiondeck.page.web.page_style import CURRENT, QUIET
 from motiondeck.page.web.private_page import PrivatePage
 
 Ask = Callable[[viser.GuiEvent, str, str, str, DeckCommand | Callable[[], None]], None]
@@ -38,8 +38,8 @@ def ask(
     gui = event.client.gui if event.client is not None else page.gui
     with gui.add_modal(title) as question:
         gui.add_markdown(text)
-        agree = gui.add_button(yes, color=STOPS)
-        gui.add_button(no, color="gray").on_click(lambda _: question.close())
+        agree = gui.add_button(yes, color=CURRENT)
+        gui.add_button(no, color=QUIET).on_click(lambda _: question.close())
 
     @agree.on_click
     def _(_: viser.GuiEvent) -> None:

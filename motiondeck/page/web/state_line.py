@@ -8,7 +8,8 @@ from controller.wire.messages.deck_snapshot import DeckSnapshot
 from motiondeck.page.web.page_style import STATE_LINE
 
 LONG = 26  # characters; longer text is set smaller
-GREEN, BLUE, VIOLET, AMBER, RED, GREY = "#2b8a3e", "#1c7ed6", "#7048e8", "#e67700", "#c92a2a", "#495057"
+GREEN, BLUE, VIOLET, AMBER, GREY = "#237032", "#1864ab", "#6741d9", "#9c4f00", "#495057"
+RED, FAULT = "#c92a2a", "#a61e6b"  # a stop alone is red
 
 
 def shown_motions(state: DeckSnapshot) -> str:
@@ -27,9 +28,9 @@ class StateLine:
 
     def as_html(self) -> str:
         """A box for the page."""
-        size = 19 if len(self.played) <= LONG else 14
+        size = 19 if len(self.played) <= LONG else 16
         played = f'<div style="font-size:{size}px;font-weight:600">{html.escape(self.played) or "&nbsp;"}</div>'
-        upcoming = f'<div style="font-size:12px;opacity:.85">{html.escape(self.upcoming) or "&nbsp;"}</div>'
+        upcoming = f'<div style="font-size:12px">{html.escape(self.upcoming) or "&nbsp;"}</div>'
         word = f'<div style="font-size:26px;font-weight:800">{html.escape(self.word)}</div>'
         about = f'data-word="{html.escape(self.word)}" style="background:{self.colour}"'
         return f'<div id="{STATE_LINE}" {about}>{word}{played}{upcoming}</div>'
@@ -42,7 +43,7 @@ def state_line(state: DeckSnapshot) -> StateLine:
         return StateLine("EMERGENCY STOP", "every joint is held", "Reset releases it", RED)
     if state.fallen:
         remedy = upcoming or "if it stays down: End run, and start it again"
-        return StateLine("FALLEN", f"playing {shown_motions(state)}", remedy, RED)
+        return StateLine("FALLEN", f"playing {shown_motions(state)}", remedy, FAULT)
     if state.mode == "held":
         return StateLine("HELD", "nothing moves", "choose a motion, or Home", AMBER)
     if state.mode == "home":

@@ -310,6 +310,10 @@ def figure_box(page):
     """Where the figure is on the page, as the browser has the boxes of elements; None if it is not in sight."""
     page.wait_for_timeout(200)
     rows, columns, _ = figure_pixels(page)
+    panel = page.locator("#state-line").bounding_box()
+    if panel["x"] < 50:  # on a phone it lies over the lower half, with its title above the line
+        above = rows + 60 < panel["y"] - 70
+        rows, columns = rows[above], columns[above]
     if len(rows) < 200:
         return None
     (left, right), (top, bottom) = np.quantile(columns, (0.005, 0.995)), np.quantile(rows, (0.005, 0.995))
