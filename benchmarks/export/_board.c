@@ -1,6 +1,7 @@
 /* Counts the instructions of a player's ticks on an emulated Cortex-M, by SysTick under `-icount shift=0`.
 
-   One SysTick is 40 instructions there. Ticks are of three kinds: a motion plays, a fade runs, a motion is entered. */
+   One SysTick is 40 instructions there. Ticks are of four kinds: a motion plays, a fade runs, the search for the duration
+   of a fade goes on with it, a motion is entered. LAYERS play over all joints but one each. */
 #include "player.h"
 
 #include "figure.h"
@@ -9,6 +10,9 @@
 #define STACK_BYTES 16384
 #define INSTRUCTIONS 40u
 #define PAINT 0xA5A5A5A5u
+#ifndef LAYERS
+#define LAYERS 0
+#endif
 
 extern uint32_t bss_begin[], bss_end[], data_from[], data_begin[], data_end[], stack_top[];
 static md_player player;
@@ -34,25 +38,27 @@ static uint32_t step(void) {
 }
 
 static void run(void) {
-  uint64_t sum[2] = {0, 0};
-  uint32_t count[2] = {0, 0}, worst[3] = {0, 0, 0};
+  static const char *const names[4][2] = {
+      {"playing", "playing_worst"}, {"fading", "fading_worst"}, {"searching", "searching_worst"}, {"entering", "entering_worst"}};
+  uint64_t sum[4] = {0, 0, 0, 0};
+  uint32_t count[4] = {0, 0, 0, 0}, worst[4] = {0, 0, 0, 0};
   md_begin(&player, figure, 0);
+  for (int layer = 0; layer < LAYERS; layer++)
+    md_layer(&player, ((1ull << md_joints(figure)) - 1) ^ 1ull << layer, layer % md_motions(figure), 0.5f, 1.0f);
   for (int from = 0; from < md_motions(figure); from++)
     for (int to = 0; to < md_motions(figure); to++) {
       md_switch(&player, to, 1);
-      for (int tick = 0; tick < 90; tick++) {
-        int fading = player.fading;
+      for (int tick = 0; tick < 100; tick++) {
+        int kind = player.entering >= 0 ? 3 : player.fading ? 1 + !player.found : 0;
         uint32_t cost = step();
-        int kind = tick == 0 ? 2 : fading;
         worst[kind] = cost > worst[kind] ? cost : worst[kind];
-        if (kind < 2) sum[kind] += cost, count[kind]++;
+        sum[kind] += cost, count[kind]++;
       }
     }
-  write_number("playing", (uint32_t)(sum[0] / count[0]));
-  write_number("playing_worst", worst[0]);
-  write_number("fading", (uint32_t)(sum[1] / count[1]));
-  write_number("fading_worst", worst[1]);
-  write_number("entering_worst", worst[2]);
+  for (int kind = 0; kind < 4; kind++) {
+    write_number(names[kind][0], (uint32_t)(sum[kind] / (count[kind] ? count[kind] : 1)));
+    write_number(names[kind][1], worst[kind]);
+  }
 }
 
 int main(void) {

@@ -16,7 +16,7 @@ from controller.wire.messages import commands
 from controller.wire.messages.commands import DeckCommand
 from motiondeck.export.c_folder import PLAYER
 from motiondeck.export.figure import Figure, words_of
-from motiondeck.export.golden import Script, Trace, spelled
+from motiondeck.export.golden import Script, Trace, deck_trace, spelled
 
 SANITIZED = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-g")
 
@@ -77,7 +77,7 @@ def random_script(
     made: list[tuple[int, DeckCommand]] = []
     tick, names, joints = rng.randrange(60), figure.library.network.motions, figure.library.skeleton.bones
     while tick < ticks:
-        one = rng.choice("ssssqqtttjjpgggerrr" + "llllvvvvbbku" * layered)
+        one = rng.choice("ssssqqtttjjpgggerrr" + "llllvvvvbbkuhh" * layered)
         command: DeckCommand = {
             "s": lambda: commands.Switch(to=rng.choice(names), direct=rng.random() < 0.3),
             "q": lambda: commands.Queue(to=rng.choice(names)),
@@ -97,6 +97,7 @@ def random_script(
                 source="beat", phase=round(rng.random(), 2), steps=rng.choice([0, 0, 1, 2, 4])
             ),
             "u": commands.Unlock,
+            "h": lambda: commands.Heartbeat(within=rng.choice([0.0, 0.1, 0.5, 1.0])),
             "p": commands.Pause,
             "g": commands.Resume,
             "e": commands.EmergencyStop,
@@ -111,6 +112,21 @@ def random_script(
             ]
         tick += int(rng.expovariate(1.0 / every))
     return sorted(made, key=lambda row: row[0])
+
+
+def deck_plays(figure: Figure, script: Script, ticks: int, start: Array) -> Trace:
+    """What the deck plays, which is paused where a heartbeat is missed: its run in virtual time waits for none."""
+    beats = [(tick, one.within) for tick, one in script if isinstance(one, commands.Heartbeat)]
+    ends = [tick for tick, _ in [*beats[1:], (ticks, 0.0)]]
+    missed = [
+        (at, commands.Pause())
+        for (tick, within), end in zip(beats, ends, strict=False)
+        if within > 0.0 and (at := tick + int(within * figure.rate + 1e-6) + 1) < end
+    ]
+    given = sorted([*script, *missed], key=lambda row: row[0])  # what is missed comes last in its tick
+    deck = deck_trace(figure, given, ticks, start, groups_of(figure))
+    told = [yes for row, yes in zip(given, deck.accepted, strict=False) if all(row is not one for one in missed)]
+    return replace(deck, accepted=told)
 
 
 def with_limits(figure: Figure, **limits: Array) -> Figure:

@@ -18,13 +18,13 @@ import numpy as np
 import typer
 
 from benchmarks.command import run
-from benchmarks.export._c_player import SANITIZED, CPlayer, beyond_limits, groups_of, random_script, wide
+from benchmarks.export._c_player import SANITIZED, CPlayer, beyond_limits, deck_plays, random_script, wide
 from controller.motion.rotations import Array
 from motiondeck.export.figure import Figure
-from motiondeck.export.golden import Trace, deck_trace
+from motiondeck.export.golden import Trace
 from motiondeck.export.source import open_figure
 
-TICKS, SAME = 600, 1e-3
+SAME = 1e-3
 
 
 def measured(figure: Figure, rng: Random) -> Array:
@@ -34,19 +34,20 @@ def measured(figure: Figure, rng: Random) -> Array:
     return near.astype(np.float32).astype(float)
 
 
-def played(figure: Figure, player: CPlayer, seed: int, *, layered: bool) -> tuple[Array, Trace, Trace]:
+def played(figure: Figure, player: CPlayer, seed: int, ticks: int, *, layered: bool) -> tuple[Array, Trace, Trace]:
     """Where the joints start, rad, and what the deck and the C player play of the random commands of a seed."""
     rng = Random(seed)
-    start, script = measured(figure, rng), random_script(figure, TICKS, rng, layered=layered)
-    deck = deck_trace(figure, script, TICKS, start, groups_of(figure))
-    return start, deck, player.trace(figure, script, TICKS, start)
+    start, script = measured(figure, rng), random_script(figure, ticks, rng, layered=layered)
+    return start, deck_plays(figure, script, ticks, start), player.trace(figure, script, ticks, start)
 
 
-def parted(figure: Figure, player: CPlayer, seeds: Iterable[int], *, layered: bool) -> tuple[list[int], list[float]]:
+def parted(
+    figure: Figure, player: CPlayer, seeds: Iterable[int], ticks: int, *, layered: bool
+) -> tuple[list[int], list[float]]:
     """The sequences in which angles part by 1 mrad, or commands are not taken alike, and how far angles part in all."""
     found, off = list[int](), list[float]()
     for seed in seeds:
-        _, deck, ours = played(figure, player, seed, layered=layered)
+        _, deck, ours = played(figure, player, seed, ticks, layered=layered)
         off.append(float(np.abs(deck.safe - ours.safe).max()))
         if off[-1] >= SAME or deck.accepted != ours.accepted:
             found.append(seed)
@@ -54,12 +55,12 @@ def parted(figure: Figure, player: CPlayer, seeds: Iterable[int], *, layered: bo
 
 
 def within_limits(
-    figure: Figure, player: CPlayer, seeds: Iterable[int], *, layered: bool
+    figure: Figure, player: CPlayer, seeds: Iterable[int], ticks: int, *, layered: bool
 ) -> tuple[float, float, float]:
     """The largest excess over a limit, as a share of it, and how far from targets C and deck are, rad (rms)."""
     worst, squares = -1.0, list[tuple[float, float]]()
     for seed in seeds:
-        start, deck, ours = played(figure, player, seed, layered=layered)
+        start, deck, ours = played(figure, player, seed, ticks, layered=layered)
         worst = max(worst, beyond_limits(figure, start, ours.safe))
         squares.append(
             (float(np.square(ours.safe - ours.targets).mean()), float(np.square(deck.safe - deck.targets).mean()))
@@ -70,7 +71,10 @@ def within_limits(
 
 def main(
     libraries: Annotated[list[str] | None, typer.Argument(help="Libraries and robots, as thesis15:servo20.")] = None,
-    sequences: Annotated[int, typer.Option(help="Of each library, of 6 s each.")] = 300,
+    sequences: Annotated[int, typer.Option(help="Of each library.")] = 300,
+    seconds: Annotated[float, typer.Option(help="Of each sequence.")] = 6.0,
+    first: Annotated[int, typer.Option(help="The seed of the first one.")] = 0,
+    limited: Annotated[int, typer.Option(help="One in so many is played with the robot's own limits, too.")] = 3,
     layered: Annotated[bool, typer.Option(help="With layers and live values.")] = False,
     sanitized: Annotated[bool, typer.Option(help="With the sanitizers of the compiler.")] = False,
 ) -> None:
@@ -80,13 +84,14 @@ def main(
         for name in libraries or ["thesis15:servo20", "cmu86:servo20"]:
             library, _, robot = name.partition(":")
             figure = open_figure(library, robot, None)
-            found, off = parted(wide(figure), player, range(sequences), layered=layered)
+            ticks = round(seconds * figure.rate)
+            found, off = parted(wide(figure), player, range(first, first + sequences), ticks, layered=layered)
             print(f"{name}: {sequences} sequences, {len(found)} part by {1e3 * SAME:g} mrad {found[:8]}")
             print(
                 f"  largest difference: median {1e3 * np.median(off):.3f} mrad, 99 % {1e3 * np.quantile(off, 0.99):.3f}"
             )
             excess, ours, deck = within_limits(
-                figure, player, range(sequences, sequences + max(1, sequences // 3)), layered=layered
+                figure, player, range(first, first + max(1, sequences // limited)), ticks, layered=layered
             )
             print(f"  limits: largest excess {excess:.1e} (none below 0)")
             print(f"  from the targets, rms: {1e3 * ours:.2f} mrad (C), {1e3 * deck:.2f} (deck)")

@@ -37,6 +37,8 @@ class Deck(Lockable):
         phase: where in the motion to begin, in [0, 1).
     """
 
+    _performs = Performance
+
     def __init__(
         self,
         library: MotionLibrary,
@@ -50,7 +52,7 @@ class Deck(Lockable):
         self.motions = library.network.motions
         self._check(motion)
         self._retarget = retarget
-        self.performance = Performance(library, motion, joining, phase)
+        self.performance = self._performs(library, motion, joining, phase)
         routes = Routes.of(library)
         self._routes = routes.direct if direct else routes
         self.plan = SwitchPlan(self.performance, self._routes, direct=direct)

@@ -19,6 +19,7 @@ from math import cos, sin
 from typing import Literal, get_args
 
 import numpy as np
+from numpy.typing import NDArray
 
 from controller.deck.joins.deck_motions import Motion, read_motions
 from controller.deck.joins.fade_search import PLANNED_SHARE, FadeSearch, Fading
@@ -51,6 +52,8 @@ class Performance:
     A tick is one `step`, perhaps a `switch_to` or `blend_in`, and in the end `finish_tick`.
     """
 
+    _searches = FadeSearch
+
     def __init__(self, library: MotionLibrary, motion: str, joining: Joining | None, phase: float = 0.0) -> None:
         self.motions = read_motions(library)
         self._skeleton = library.encoding.skeleton
@@ -63,6 +66,7 @@ class Performance:
         self.blend_problem = ""  # the problem of the blend in the last step, or ""
         self._switching = False  # whether a switch is under way that is no fade
         self._fade: Fading | None = None
+        self._search: FadeSearch | None = None
         self._limits: JoinLimits | None = None
         self._correct_from = CORRECTED_FROM
         self._dt, self._tempo = 1.0 / library.info.rate, 1.0
@@ -259,18 +263,22 @@ class Performance:
     def _begin_fade(self, track: Track, onset: float, *motions: Motion) -> None:
         """Fades to the motion of a track, which gets going from the share `onset` of the tempo on."""
         shown, target = (self.posture, self._shown), (track.posture_before, track.posture)
-        search = FadeSearch(
+        self._search = self._searches(
             partial(difference, shown, target, self._dt, self.tracks.rest_direction),
             track.ahead(self._tempo, onset),
             self._skeleton.chain,
             Bounds.of(motions, FASTEST, 1.0),
         )
-        self._fade = Fading(search, onset)
+        self._fade = Fading(self._search, onset)
 
     def _best_anchor(self, motion: str, before: Posture, now: Posture) -> int:
+        return self._resembling(motion, before, now, slice(None))
+
+    def _resembling(self, motion: str, before: Posture, now: Posture, anchors: NDArray[np.intp] | slice) -> int:
+        """Which of these anchors resembles the body most, by its place among them."""
         entering, place = self.motions[motion], self._joints(now)
         velocity = (place - self._joints(before)) / self._dt
-        return best_anchor(place, velocity, entering.places, entering.velocities, VELOCITY_REACH)
+        return best_anchor(place, velocity, entering.places[anchors], entering.velocities[anchors], VELOCITY_REACH)
 
     def _joints(self, posture: Posture) -> Array:
         """Joint positions relative to the root in the heading frame, and the root's height, shape (F,), m."""

@@ -23,6 +23,10 @@ def export(
         Literal["c", "arduino", "web"],
         Option("--for", help="C99 without heap or operating system, an Arduino library, or a page for any browser."),
     ] = "c",
+    board: Annotated[
+        str,
+        Option(metavar="CORE:MHZ:RAM:FLASH", help="M4F, M3 or M0+, MHz and kB that are there; refused if too little."),
+    ] = "M4F",
     as_json: JsonOption = False,
 ) -> None:
     """Write a player in C, an Arduino library or a page with motions.
@@ -36,12 +40,14 @@ def export(
     from motiondeck.cli.common.tables import show_table
     from motiondeck.cli.rig.rig_port import load
     from motiondeck.export.c_folder import write_arduino, write_c
+    from motiondeck.export.cost import cost_on
     from motiondeck.export.source import open_figure
 
     if target == "arduino" and rig is None:
         raise MotiondeckError("--for arduino drives the servos of a rig: name its file with --rig, not --robot")
     names = [name.strip() for name in motions.split(",") if name.strip()]
     figure = open_figure(library, robot, rig, names, out if target == "web" else None)
+    cost = cost_on(figure, board) if target != "web" else {}
     if target == "arduino" and rig is not None:
         write_arduino(figure, load(rig), out)
     elif target == "c":
@@ -49,11 +55,16 @@ def export(
     rows = [(name, size, *figure.error[name]) for name, size in figure.bytes_of.items()]
     if as_json:
         sizes = [{"motion": name, "bytes": size, "rms_rad": rms, "largest_rad": most} for name, size, rms, most in rows]
-        print(json.dumps({"target": target, "folder": str(out), "bytes": len(figure.words), "motions": sizes}))
+        summary = {"target": target, "folder": str(out), "bytes": len(figure.words), "motions": sizes}
+        print(json.dumps(summary | {"cost": cost}))
         return
     show_table(
         ("motion", "bytes", "off by (rms)", "at most"),
         [(name, str(size), f"{1e3 * rms:.2f} mrad", f"{1e3 * most:.2f} mrad") for name, size, rms, most in rows],
     )
+    if cost:
+        bytes_of = f"{1e-3 * cost['flash']:.0f} kB of flash, {1e-3 * cost['ram']:.1f} kB of RAM"
+        worst = f"{1e-3 * cost['instructions']:.0f}k instructions a tick, {1e-3 * cost['layer']:.1f}k more with a layer"
+        print(f"On an {board.split(':')[0]}: {bytes_of}, at most {worst}.")
     then = {"c": f"`make -C {out}` replays a trace of the deck", "web": f"open {out / 'index.html'}"}
     print(f"{out}: {len(figure.words)} bytes of motions; {then.get(target, 'put it among the libraries of Arduino')}.")

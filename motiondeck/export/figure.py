@@ -5,8 +5,8 @@ What a phase-driven network plays is a function of its phase. A figure has that 
 the motions: where they may be entered, how fast they are, which lie between two others. The root of a baked motion is
 left out; only its joints are played, and only they are compared and limited where motions are joined.
 
-    0 "MDP1", 1 number of words, 2 CRC-32 of the words after it, 3 joints, 4 motions, 5 ticks and 6 frames a second,
-    7 limits, 8 motions, 9 ways, 10 names (offsets in words)
+    0 "MDP1", 1 number of words, 2 CRC-32 of all other words, 3 joints, 4 motions, 5 ticks and 6 frames a second,
+    7 limits, 8 motions, 9 ways, 10 names (offsets in words), 11 what is searched in a tick, 12 the inverse of word 1
 
 Words have 32 bits, lowest byte first. Rows of limits and motions are `EnvelopeLimits` of `envelope.c`, per tick, and
 `md_motion` of `player.h`; keys are 16 bits, (K, J), J even; ways M x M bytes, the next motion from the row's to the
@@ -36,12 +36,13 @@ from controller.motion.rotations import Array
 from controller.networks.base import AnyNetwork, Channels
 from controller.networks.clip.network import ClipPlayer
 from controller.networks.keys import FEWEST_KEYS, MOST_BITS, STEPS_PER_BIT, Keys
+from motiondeck.export.spread_deck import SEARCHED
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
 
 MOST_BYTES = 8192  # of the keys of a motion
 FARTHEST = 0.005  # rad, of a joint in a figure from where its network has it
 MOST_JOINTS, MOST_MOTIONS, MOST_RATE = 64, 256, 200.0
-_HEADER = 11  # words
+_HEADER = 13  # words
 _MOTION = np.dtype(
     [(f"whole{n}", "<u4") for n in range(9)] + [(f"real{n}", "<f4") for n in range(6)] + [("name", "<u4")]
 )  # md_motion
@@ -155,8 +156,11 @@ def words_of(library: MotionLibrary, limits: JointLimits, rate: float) -> bytes:
         rows.append((*whole, len(one.course), len(one.places), *real, len(b"".join(texts[:number]))))
     parts[1] = np.array(rows, _MOTION).tobytes()
     head = np.array([len(joints), len(names)], "<u4").tobytes() + np.array([rate, library.info.rate], "<f4").tobytes()
-    body = head + starts[:4].astype("<u4").tobytes() + b"".join(parts)
-    return b"MDP1" + np.array([3 + len(body) // 4, zlib.crc32(body)], "<u4").tobytes() + body
+    count = (_HEADER * 4 + sum(map(len, parts))) // 4
+    last = np.array([SEARCHED, ~np.uint32(count)], "<u4").tobytes()
+    body = head + starts[:4].astype("<u4").tobytes() + last + b"".join(parts)
+    before = b"MDP1" + count.to_bytes(4, "little")
+    return before + zlib.crc32(before + body).to_bytes(4, "little") + body
 
 
 def _limit_rows(limits: JointLimits, dt: float) -> bytes:

@@ -7,7 +7,6 @@ from types import MappingProxyType
 
 import numpy as np
 
-from controller.deck.deck import Deck
 from controller.deck.layers import Layers
 from controller.loop.commands.commanded_run import CommandedRun
 from controller.loop.run_phases import Source, Start, safe_targets
@@ -19,6 +18,7 @@ from controller.wire.messages import commands
 from controller.wire.messages.commands import DeckCommand
 from controller.wire.messages.replies import Accepted
 from motiondeck.export.figure import Figure
+from motiondeck.export.spread_deck import SpreadDeck
 
 Groups = Mapping[str, Sequence[str]]
 Script = Sequence[tuple[int, DeckCommand]]
@@ -43,7 +43,7 @@ def deck_trace(
     """
     dt, library, joints = 1.0 / figure.rate, figure.library, figure.library.skeleton.bones
     retarget = partial(JointRetargeter, library.skeleton, joints, figure.rest)
-    deck, stop = Deck(library, retarget(), library.network.motions[0]), StopRequest()
+    deck, stop = SpreadDeck(library, retarget(), library.network.motions[0]), StopRequest()
     deck.layers = Layers(library, joints, figure.limits, groups, retarget)
     source, run = Source(deck, dt), CommandedRun(deck)
     steps = safe_targets(source, [Start(measured)], safety_envelope(figure.limits, dt), stop, np.inf, None)

@@ -9,13 +9,12 @@
 #include "envelope.c"
 
 #define MAGIC 0x3150444Du /* "MDP1" */
-enum { WORDS = 1, CHECKSUM, JOINTS, MOTIONS, TICK_RATE, FRAME_RATE, LIMITS, MOTION_ROWS, WAYS, NAMES };
+enum { WORDS = 1, CHECKSUM, JOINTS, MOTIONS, TICK_RATE, FRAME_RATE, LIMITS, MOTION_ROWS, WAYS, NAMES, SEARCHED, INVERSE };
 
 #define SHORTEST 0.2f /* fade_search.py */
 #define LONGEST 1.6f
 #define PLANNED_SHARE 0.8f
-#define TRIAL_EVERY 0.005f
-#define SAMPLES 16
+#define MOMENTS 16
 #define LONGER 1.1f
 #define ALL_BUT 1.001f
 #define PATIENT_TRIALS 6
@@ -29,6 +28,8 @@ enum { WORDS = 1, CHECKSUM, JOINTS, MOTIONS, TICK_RATE, FRAME_RATE, LIMITS, MOTI
 #define LEVER 4.0f      /* m, of the bone that stands for a joint and turns by 1 / LEVER of its angle (joint_angles.py) */
 #define SOON 1e-5f      /* s; times that differ by less are the same */
 #define NONE (-1)
+#define COARSE 4 /* anchors from one that is compared first to the next (spread_search.py) */
+#define CARRIED 0.4531f
 #define SHORTEST_BEAT 0.25f /* s (beat_clock.py) */
 #define LONGEST_BEAT 1.5f
 #define FOLLOW 80.0f /* 1/s (live_values.py) */
@@ -54,10 +55,11 @@ static int next_on_way(const md_player *p, int from, int to) {
   return ((const uint8_t *)(p->figure + p->figure[WAYS]))[from * (int)p->figure[MOTIONS] + to];
 }
 
-/* CRC-32 over the words after the sum itself. */
+/* CRC-32 over all words but the sum itself. */
 static uint32_t sum_of(const uint32_t *figure) {
   uint32_t sum = 0xFFFFFFFFu;
-  for (uint32_t word = CHECKSUM + 1; word < figure[WORDS]; word++) {
+  for (uint32_t word = 0; word < figure[WORDS]; word++) {
+    if (word == CHECKSUM) continue;
     sum ^= figure[word];
     for (int bit = 0; bit < 32; bit++) sum = sum >> 1 ^ (sum & 1u ? 0xEDB88320u : 0u);
   }
@@ -211,40 +213,55 @@ static void finish_round(md_track *t) {
 
 /* ---- where a motion is entered (transition.best_anchor) ---- */
 
-/* 1 - cos x, for |x| < 2 */
+/* 1 - cos x, and sin x, for |x| < 1 */
 static float versine(float x) {
   float s = x * x;
-  return s * (1.0f / 2.0f - s * (1.0f / 24.0f - s * (1.0f / 720.0f - s * (1.0f / 40320.0f - s * (1.0f / 3628800.0f)))));
+  return s * (1.0f / 2.0f - s * (1.0f / 24.0f - s * (1.0f / 720.0f - s * (1.0f / 40320.0f))));
+}
+static float sine(float x) {
+  float s = x * x;
+  return x * (1.0f - s * (1.0f / 6.0f - s * (1.0f / 120.0f - s * (1.0f / 5040.0f - s * (1.0f / 362880.0f)))));
 }
 /* The speed at which the end of a joint's bone moves, signed, m/s, as the joint turns by some rad in some s. */
-static float chord_speed(float turn, float seconds) {
-  float half = turn / (2.0f * LEVER), s = half * half;
-  return 2.0f * LEVER * half * (1.0f - s * (1.0f / 6.0f - s * (1.0f / 120.0f - s * (1.0f / 5040.0f)))) / seconds;
+static float chord_speed(float turn, float seconds) { return 2.0f * LEVER * sine(turn / (2.0f * LEVER)) / seconds; }
+
+/* How many anchors of a motion are compared: some all over it, then those about the best of these. */
+static int compared(const md_motion *m) { return ((int)m->entries + COARSE - 1) / COARSE + 2 * (COARSE - 1); }
+
+static void compare(md_player *p, const md_motion *m, int anchor) {
+  float back[MD_MOST_JOINTS], here[MD_MOST_JOINTS], next[MD_MOST_JOINTS], cost = 0.0f;
+  int last = (int)m->anchors - 1, stride = (int)m->stride;
+  int sides = m->loop || (anchor > 0 && anchor < last) ? 2 : 1;
+  draw(p, m, (anchor > 0 ? anchor - 1 : m->loop ? last : 0) * stride, back);
+  draw(p, m, anchor * stride, here);
+  draw(p, m, (anchor < last ? anchor + 1 : m->loop ? 0 : last) * stride, next);
+  for (int j = 0; j < p->joints && cost < p->entry_cost; j++) {
+    float own = chord_speed(next[j] - back[j], (float)sides * m->spacing), shown = p->entered_speed[j];
+    float apart = (0.5f * (next[j] + back[j] + p->dt * shown) - p->entered_from[j]) / LEVER, faster = own - shown;
+    cost += 2.0f * LEVER * LEVER * versine((here[j] - p->entered_from[j]) / LEVER) +
+            VELOCITY_REACH * VELOCITY_REACH * (faster * faster + 2.0f * own * shown * versine(apart));
+  }
+  if (cost < p->entry_cost) p->entry_cost = cost, p->entry = anchor;
 }
 
-static int best_anchor(const md_player *p, const md_motion *m, const float *before, const float *now) {
-  float row[3][MD_MOST_JOINTS], least_cost = FARTHEST;
-  int best = 0, anchors = (int)m->anchors, stride = (int)m->stride;
-  float *back = row[0], *here = row[1], *next = row[2];
-  draw(p, m, (anchors - 1) * stride, back);
-  draw(p, m, 0, here);
-  for (int anchor = 0; anchor < (int)m->entries; anchor++) {
-    int one_sided = !m->loop && (anchor == 0 || anchor == anchors - 1);
-    draw(p, m, (anchor + 1 < anchors ? anchor + 1 : m->loop ? 0 : anchor) * stride, next);
-    const float *from = one_sided && anchor == 0 ? here : back;
-    float span = one_sided ? m->spacing : 2.0f * m->spacing, cost = 0.0f;
-    for (int j = 0; j < p->joints && cost < least_cost; j++) {
-      float own = chord_speed(next[j] - from[j], span), shown = chord_speed(now[j] - before[j], p->dt);
-      float apart = 0.5f * (next[j] + from[j] - now[j] - before[j]) / LEVER;
-      float faster = own - shown;
-      cost += 2.0f * LEVER * LEVER * versine((here[j] - now[j]) / LEVER) +
-              VELOCITY_REACH * VELOCITY_REACH * (faster * faster + 2.0f * own * shown * versine(apart));
-    }
-    if (cost < least_cost) least_cost = cost, best = anchor;
-    float *free_row = back;
-    back = here, here = next, next = free_row;
+static void seek_entry(md_player *p, int motion) {
+  p->entering = motion, p->compared = 0, p->entry_cost = FARTHEST, p->entry = 0;
+  for (int j = 0; j < p->joints; j++) p->entered_speed[j] = chord_speed(p->shown[j] - p->posture[j], p->dt);
+  memcpy(p->entered_from, p->shown, sizeof p->shown);
+}
+
+/* Compares as many anchors as a tick allows; whether they all have been compared. */
+static int search_entry(md_player *p) {
+  const md_motion *m = motion_row(p->figure, p->entering);
+  int entries = (int)m->entries, first = compared(m) - 2 * (COARSE - 1);
+  for (int most = (int)p->figure[SEARCHED]; most && p->compared < compared(m); most--, p->compared++) {
+    int anchor = p->compared * COARSE, nth = p->compared - first;
+    if (nth == 0) p->coarse = p->entry;
+    if (nth >= 0) anchor = p->coarse + nth + (nth < COARSE - 1 ? 1 - COARSE : 2 - COARSE);
+    if (m->loop) anchor = (anchor + entries) % entries;
+    if (anchor >= 0 && anchor < entries) compare(p, m, anchor);
   }
-  return best;
+  return p->compared == compared(m);
 }
 
 /* ---- fades (quintic.py, transition.Fade, fade_search.py) ---- */
@@ -265,69 +282,16 @@ static Shares leaving(md_fade fade, float elapsed) {
   return rates;
 }
 
-static void sine_cosine(float x, float *sine, float *cosine) { /* for |x| < 2 */
-  float s = x * x;
-  *cosine = 1.0f - versine(x);
-  *sine = x * (1.0f - s * (1.0f / 6.0f - s * (1.0f / 120.0f - s * (1.0f / 5040.0f - s * (1.0f / 362880.0f - s * (1.0f / 39916800.0f))))));
-}
-
-/* The use of the planned share of the bounds by a fade; 1 is the limit (FadeSearch._beyond, peaks). */
-static float beyond(md_player *p, md_fade fade) {
-  const md_motion *m = p->track.motion;
-  int samples = (int)rintf(SAMPLES * fade.duration / fade.slowing), anchors = (int)m->anchors;
-  float step = fade.duration / (float)samples, fastest = 0.0f, first = 0.0f, hardest = 0.0f;
-  float low[MD_MOST_JOINTS], high[MD_MOST_JOINTS]; /* angles at the anchors around a moment */
-  float x[MD_MOST_JOINTS], y[MD_MOST_JOINTS];      /* the end of each bone one moment before */
-  float beside_x[MD_MOST_JOINTS], beside_y[MD_MOST_JOINTS], rise_x[MD_MOST_JOINTS], rise_y[MD_MOST_JOINTS];
-  for (int k = 0; k <= samples; k++) {
-    float time = step * (float)k, way = (float)k / (float)samples, risen = (1.0f - p->onset) * way * way;
-    float place = (p->course_at + p->course_tempo * time * (p->onset + risen / 3.0f)) / m->spacing;
-    int near = (int)floorf(place), further = near + 1;
-    float share = place - (float)near;
-    Shares left = left_of(fade, time);
-    if (m->loop) {
-      near = (near % anchors + anchors) % anchors, further = near + 1 < anchors ? near + 1 : 0;
-    } else {
-      near = near < 0 ? 0 : near < anchors ? near : anchors - 1;
-      further = further < 0 ? 0 : further < anchors ? further : anchors - 1;
-    }
-    draw(p, m, near * (int)m->stride, low);
-    draw(p, m, further * (int)m->stride, high);
-    for (int j = 0; j < p->joints; j++) {
-      /* The bone, between those of two anchors; then turned by what is left of the difference. */
-      float bent = 0.5f * (high[j] - low[j]) / LEVER, sine, cosine, turn_sine, turn_cosine;
-      float length = LEVER * (1.0f - 2.0f * bent * bent * share * (1.0f - share));
-      sine_cosine((low[j] + share * (high[j] - low[j])) / LEVER, &sine, &cosine);
-      sine_cosine((left.value * p->value[j] + left.slope * p->rate[j]) / LEVER, &turn_sine, &turn_cosine);
-      float bone_x = length * cosine, bone_y = length * sine, lost = turn_cosine - 1.0f;
-      float away_x = lost * bone_x - turn_sine * bone_y, away_y = turn_sine * bone_x + lost * bone_y;
-      float end_x = bone_x + away_x, end_y = bone_y + away_y;
-      if (k > 0) {
-        float moved_x = end_x - x[j], moved_y = end_y - y[j], rose_x = away_x - beside_x[j],
-              rose_y = away_y - beside_y[j];
-        float speed = moved_x * moved_x + moved_y * moved_y;
-        fastest = most(fastest, speed);
-        if (k == 1) first = most(first, speed);
-        if (k > 1) {
-          float bend_x = rose_x - rise_x[j], bend_y = rose_y - rise_y[j];
-          hardest = most(hardest, bend_x * bend_x + bend_y * bend_y);
-        }
-        rise_x[j] = rose_x, rise_y[j] = rose_y;
-      }
-      x[j] = end_x, y[j] = end_y, beside_x[j] = away_x, beside_y[j] = away_y;
-    }
-  }
-  if (p->already == 0.0f) p->already = sqrtf(first) / step;
-  float speed = sqrtf(fastest) / step / most(PLANNED_SHARE * p->bound_speed, p->already);
-  return most(sqrtf(hardest) / (step * step) / (PLANNED_SHARE * p->bound_acceleration), speed * speed);
-}
-
-/* One trial; the fade to go on with (FadeSearch._try). */
-static md_fade try_fade(md_player *p) {
+/* Ends the trial of the candidate, and names the fade to go on with (FadeSearch._try). */
+static void end_trial(md_player *p, float step, md_fade *next) {
   static const float slowed_within[3] = {1.0f, 0.5f, 0.25f};
   md_fade fade = p->candidate;
-  float use = beyond(p, fade), duration;
+  if (p->already == 0.0f) p->already = LEVER * sqrtf(p->first) / step;
+  float speed = LEVER * sqrtf(p->fastest) / step / most(PLANNED_SHARE * p->bound_speed, p->already), duration;
+  /* The use of the planned share of the bounds; 1 is the limit. */
+  float use = most(LEVER * sqrtf(p->hardest) / (step * step) / (PLANNED_SHARE * p->bound_acceleration), speed * speed);
   int better = use < p->least, exhausted;
+  p->moment = 0;
   if (++p->trials == 1) p->hasty = p->already > PLANNED_SHARE * p->bound_speed;
   if (better) p->best = fade, p->least = use;
   p->rises = use > ALL_BUT * p->last ? p->rises + 1 : 0;
@@ -339,10 +303,62 @@ static md_fade try_fade(md_player *p) {
     duration = least(LONGEST, fade.duration * most(LONGER, sqrtf(use)));
   float allowed = ALL_BUT + YIELDING * (float)(p->trials > PATIENT_TRIALS ? p->trials - PATIENT_TRIALS : 0);
   p->found = p->least <= allowed || p->slowed == 3;
-  if (p->found) return p->best;
+  *next = p->best;
+  if (p->found) return;
   p->candidate.duration = duration;
   p->candidate.slowing = slowed_within[p->hasty ? 2 - p->slowed : p->slowed] * duration;
-  return better && !exhausted && fade.slowing == fade.duration ? p->candidate : p->best;
+  if (better && !exhausted && fade.slowing == fade.duration) *next = p->candidate;
+}
+
+/* Weighs the next moment of the candidate: how fast joints are, and how much accelerated beyond their target. */
+static void weigh(md_player *p, md_fade *next) {
+  const md_motion *m = p->track.motion;
+  md_fade fade = p->candidate;
+  int moments = (int)rintf(MOMENTS * fade.duration / fade.slowing), anchors = (int)m->anchors, k = p->moment;
+  float step = fade.duration / (float)moments, time = step * (float)k, way = (float)k / (float)moments;
+  float low[MD_MOST_JOINTS], high[MD_MOST_JOINTS]; /* angles at the anchors around the moment */
+  float risen = (1.0f - p->onset) * way * way;
+  float place = (p->course_at + p->course_tempo * time * (p->onset + risen / 3.0f)) / m->spacing;
+  int near = (int)floorf(place), further = near + 1;
+  float share = place - (float)near;
+  Shares left = left_of(fade, time);
+  if (m->loop) {
+    near = (near % anchors + anchors) % anchors, further = near + 1 < anchors ? near + 1 : 0;
+  } else {
+    near = near < 0 ? 0 : near < anchors ? near : anchors - 1;
+    further = further < 0 ? 0 : further < anchors ? further : anchors - 1;
+  }
+  draw(p, m, near * (int)m->stride, low);
+  draw(p, m, further * (int)m->stride, high);
+  if (k == 0) p->fastest = p->hardest = 0.0f;
+  float hardest = p->hardest, short_by = 0.5f * share * (1.0f - share) / (LEVER * LEVER), value = left.value / LEVER, slope = left.slope / LEVER;
+  for (int j = 0; j < p->joints; j++) {
+    /* The bone, between those of two anchors, and the turn by what is left of the difference. Vectors turn with it. */
+    md_bone *bone = p->bone + j;
+    float way_on = high[j] - low[j], length = 1.0f - short_by * way_on * way_on, both = length * bone->length;
+    float angle = (low[j] + share * way_on) / LEVER, turn = value * p->value[j] + slope * p->rate[j], ss = turn * turn;
+    /* Its cosine and sine, as far as decisions ask for them. */
+    float away_x = -length * ss * (1.0f / 2.0f - ss * (1.0f / 24.0f - ss * (1.0f / 720.0f)));
+    float away_y = length * turn * (1.0f - ss * (1.0f / 6.0f - ss * (1.0f / 120.0f - ss * (1.0f / 5040.0f))));
+    if (k > 0) {
+      float back = angle - bone->angle, moved = back + turn - bone->turn, longer = length - bone->length;
+      float s = back * back, cosine = 1.0f - s * (0.5f - s / 24.0f), sine_of = back * (1.0f - s * (1.0f / 6.0f));
+      float rise_x = away_x - cosine * bone->away_x - sine_of * bone->away_y;
+      float rise_y = away_y - cosine * bone->away_y + sine_of * bone->away_x;
+      if (longer * longer + both * moved * moved > p->fastest)
+        p->fastest = most(p->fastest, longer * longer + 2.0f * both * versine(moved));
+      if (k > 1) {
+        float bend_x = rise_x - cosine * bone->rise_x - sine_of * bone->rise_y;
+        float bend_y = rise_y - cosine * bone->rise_y + sine_of * bone->rise_x;
+        hardest = most(hardest, bend_x * bend_x + bend_y * bend_y);
+      }
+      bone->rise_x = rise_x, bone->rise_y = rise_y;
+    }
+    bone->angle = angle, bone->turn = turn, bone->length = length, bone->away_x = away_x, bone->away_y = away_y;
+  }
+  p->hardest = hardest;
+  if (k == 1) p->first = p->fastest;
+  if (p->moment++ == moments) end_trial(p, step, next);
 }
 
 /* Goes over to another fade; the gap between both runs out in turn (Fading._go_over_to). */
@@ -366,20 +382,12 @@ static void go_over_to(md_player *p, md_fade fade) {
 }
 
 static void advance_fade(md_player *p) {
-  p->searched += p->dt;
-  if (!p->begun) {
-    p->begun = 1;
-    p->fade.duration = p->fade.slowing = SHORTEST;
-    p->candidate = p->best = p->fade;
-  }
-  if (!p->found) {
-    md_fade fade = p->fade;
-    while (!p->found && (float)(p->trials + 1) * TRIAL_EVERY < p->searched - SOON) fade = try_fade(p);
-    if (p->elapsed > 0.0f)
-      go_over_to(p, fade);
-    else
-      p->fade = fade;
-  }
+  md_fade fade = p->fade;
+  for (int most = p->entering == NONE ? (int)p->figure[SEARCHED] : 0; most && !p->found; most--) weigh(p, &fade);
+  if (p->elapsed > 0.0f)
+    go_over_to(p, fade);
+  else
+    p->fade = fade;
   p->elapsed += p->dt, p->gap_elapsed += p->dt;
   if (p->gap_elapsed >= SHORTEST - SOON) p->has_gap = 0;
 }
@@ -391,8 +399,10 @@ static void begin_fade(md_player *p, float onset, float speed, float acceleratio
     p->value[j] = p->shown[j] - t->now[j];
     p->rate[j] = (p->value[j] - (p->posture[j] - t->before[j])) / p->dt;
   }
-  p->fading = 1, p->begun = p->found = p->has_gap = p->trials = p->slowed = p->rises = 0;
-  p->elapsed = p->gap_elapsed = p->searched = p->already = 0.0f;
+  md_fade shortest = {SHORTEST, SHORTEST};
+  p->fade = p->candidate = p->best = shortest;
+  p->fading = 1, p->found = p->has_gap = p->trials = p->slowed = p->rises = p->moment = 0;
+  p->elapsed = p->gap_elapsed = p->already = 0.0f;
   p->least = p->last = FARTHEST, p->onset = onset;
   p->bound_speed = FASTEST * speed, p->bound_acceleration = acceleration;
   p->course_at = t->at, p->course_tempo = p->tempo;
@@ -401,7 +411,7 @@ static void begin_fade(md_player *p, float onset, float speed, float acceleratio
 /* The share of the tempo at which the motion plays: a one-shot starts slowly as it fades in. */
 static float onset_of(const md_player *p) {
   if (!p->fading || p->track.motion->loop) return 1.0f;
-  float progress = p->begun ? least(1.0f, p->elapsed / p->fade.duration) : 0.0f;
+  float progress = least(1.0f, p->elapsed / p->fade.duration);
   return p->onset + (1.0f - p->onset) * progress * progress;
 }
 
@@ -420,13 +430,13 @@ static float use_of_limits(const md_player *p) {
   float fastest = 0.0f, hardest = 0.0f;
   for (int j = 0; j < p->joints; j++) {
     float now = (p->shown[j] - p->posture[j]) / LEVER, then = (p->posture[j] - p->before[j]) / LEVER;
-    float speed = chord_speed(now * LEVER, 1.0f), along, was, unused, across = versine(now) + versine(then);
-    sine_cosine(now, &along, &unused);
-    sine_cosine(then, &was, &unused);
-    fastest = most(fastest, fabsf(speed));
-    hardest = most(hardest, (along - was) * (along - was) + across * across);
+    float along = now - then, across = 0.5f * (now * now + then * then);
+    fastest = most(fastest, fabsf(now));
+    if (along * along + across * across <= hardest) continue; /* what follows is less */
+    along = sine(now) - sine(then), across = versine(now) + versine(then);
+    hardest = most(hardest, along * along + across * across);
   }
-  return most(fastest / (p->join_speed * p->dt),
+  return most(chord_speed(LEVER * fastest, p->dt) / p->join_speed,
               LEVER * sqrtf(hardest) / (p->join_acceleration * p->dt * p->dt));
 }
 
@@ -440,9 +450,10 @@ static void fade_to(md_player *p, const md_motion *one, const md_motion *other) 
 
 static void switch_to(md_player *p, const md_motion *to) {
   const md_motion *from = p->track.motion;
-  int anchor = best_anchor(p, to, p->posture, p->shown);
+  int late = (compared(to) - 1) / (int)p->figure[SEARCHED] + 1, anchors = (int)to->anchors; /* ticks of the search */
+  int carried = to->loop ? (int)floorf((float)late * p->dt * p->tempo / to->spacing + CARRIED) : 0;
   limit_join(p, from, to);
-  enter_anchor(p, &p->track, to, anchor);
+  enter_anchor(p, &p->track, to, ((p->entry + carried) % anchors + anchors) % anchors);
   fade_to(p, from, to);
 }
 
@@ -489,7 +500,7 @@ static int perform(md_player *p) {
 static void start_switch(md_player *p, int to, int direct) {
   const md_motion *here = p->track.motion;
   int from = motion_index(p, here);
-  p->going_to = to, p->current = 1, p->fade_of_switch = 0;
+  p->going_to = to, p->current = 1, p->fade_of_switch = 0, p->entering = NONE;
   if (here->loop && to == from) {
     p->current = 0;
     return;
@@ -499,7 +510,7 @@ static void start_switch(md_player *p, int to, int direct) {
 }
 
 static void take_next(md_player *p) {
-  int over = has_ended(&p->track) && !p->fading;
+  int over = has_ended(&p->track) && !p->fading && p->entering == NONE;
   if (!p->current && p->queued && over) {
     int to = p->queue[0];
     memmove(p->queue, p->queue + 1, (size_t)--p->queued);
@@ -508,12 +519,14 @@ static void take_next(md_player *p) {
   if (p->ahead != NONE && (over || !p->waits)) {
     int motion = p->ahead;
     p->ahead = motion == p->going_to ? NONE : next_on_way(p, motion, p->going_to);
-    p->waits = 1, p->fade_of_switch = p->current, p->jump = -1.0f;
-    switch_to(p, motion_row(p->figure, motion));
+    p->waits = 1, p->fade_of_switch = p->current;
+    seek_entry(p, motion);
+  } else if (p->entering != NONE) {
+    if (search_entry(p)) switch_to(p, motion_row(p->figure, p->entering)), p->entering = NONE;
   } else if (p->jump >= 0.0f) {
     jump_to(p, p->jump);
-    p->jump = -1.0f;
   }
+  p->jump = -1.0f;
 }
 
 /* ---- a lock to beats (beat_clock.py, references.Beats, phase_lock.py) ---- */
@@ -701,12 +714,12 @@ static void mix_live_values(md_player *p) {
 /* The deck's next tick: angles without the limits of the joints, in `targets`. */
 static void update(md_player *p) {
   advance_tempo(p);
-  if (perform(p)) {
+  if (perform(p) && p->entering == NONE) {
     if (p->fade_of_switch && p->ahead == NONE) p->current = 0;
     p->fade_of_switch = 0;
   }
   take_next(p);
-  if (!p->fading) p->limited = 0;
+  if (!p->fading && p->entering == NONE) p->limited = 0;
   memcpy(p->before, p->posture, sizeof p->before);
   memcpy(p->posture, p->shown, sizeof p->posture);
   memcpy(p->targets, p->shown, sizeof p->targets);
@@ -798,11 +811,12 @@ const float *md_step(md_player *p) {
 }
 
 int md_begin(md_player *p, const uint32_t *figure, const float *measured) {
-  if (figure[0] != MAGIC || figure[JOINTS] > MD_MOST_JOINTS || sum_of(figure) != figure[CHECKSUM]) return MD_E_FIGURE;
+  if (figure[0] != MAGIC || figure[WORDS] != ~figure[INVERSE]) return MD_E_FIGURE; /* before all words are read */
+  if (figure[JOINTS] > MD_MOST_JOINTS || sum_of(figure) != figure[CHECKSUM]) return MD_E_FIGURE;
   memset(p, 0, sizeof *p);
   p->figure = figure, p->joints = (int)figure[JOINTS], p->dt = 1.0f / md_rate(figure);
   p->tempo = p->commanded_tempo = 1.0f, p->tempo_rate = TEMPO_RATE;
-  p->ahead = NONE, p->jump = -1.0f, p->phase = RUNNING;
+  p->ahead = p->entering = NONE, p->jump = -1.0f, p->phase = RUNNING;
   float y = FOLLOW * p->dt / 64.0f;
   p->decay = 1.0f - y * (1.0f - y / 2.0f * (1.0f - y / 3.0f * (1.0f - y / 4.0f))); /* exp(-y), then its 64th power */
   for (int doubled = 0; doubled < 6; doubled++) p->decay *= p->decay;

@@ -59,6 +59,12 @@ typedef struct {
   float duration, slowing;
 } md_fade;
 
+/* A joint in a trial, as a bone: its angle, by how much more it is turned, its length, by how much its end is away, and by
+   how much that has risen. */
+typedef struct {
+  float angle, turn, length, away_x, away_y, rise_x, rise_y;
+} md_bone;
+
 /* One motion as it plays: four frames about the present moment, and the time into it. */
 typedef struct {
   const md_motion *motion;
@@ -103,15 +109,20 @@ typedef struct {
   md_track track;
   float before[MD_MOST_JOINTS], posture[MD_MOST_JOINTS], shown[MD_MOST_JOINTS]; /* the last two ticks and this one */
 
+  /* The motion that is entered next, where it is compared with what was shown, and the best place so far. */
+  int entering, compared, coarse, entry;
+  float entry_cost, entered_from[MD_MOST_JOINTS], entered_speed[MD_MOST_JOINTS];
+
   /* The fade of the last switch, and the gap between it and a shorter one that it began as. */
-  int fading, begun, has_gap;
+  int fading, has_gap;
   md_fade fade;
   float value[MD_MOST_JOINTS], rate[MD_MOST_JOINTS], gap_value[MD_MOST_JOINTS], gap_rate[MD_MOST_JOINTS];
   float elapsed, gap_elapsed, onset;
-  /* The search for its duration, and the course of the motion that it considers. */
-  int found, trials, slowed, rises, hasty;
+  /* The search for its duration: its trial, and the course of the motion that it considers. */
+  int found, trials, slowed, rises, hasty, moment;
   md_fade best, candidate;
-  float searched, least, last, already, bound_speed, bound_acceleration, course_at, course_tempo;
+  md_bone bone[MD_MOST_JOINTS];
+  float fastest, first, hardest, least, last, already, bound_speed, bound_acceleration, course_at, course_tempo;
   /* The limits of the join, the largest of its motions, and from which use of them on the fade is replaced. */
   int limited;
   float join_speed, join_acceleration, own_speed, own_acceleration, correct_from;

@@ -67,9 +67,12 @@ class FadeSearch:
         if self.fade is None:
             self.fade = self._candidate = self._best = Fade(SHORTEST, SHORTEST, *self._differ())
         self._elapsed += dt
-        while not self.found and (self.trials + 1) * TRIAL_EVERY < self._elapsed - 1e-9:
+        while not self.found and self._due():
             self.fade = self._try()
         return self.fade
+
+    def _due(self) -> bool:
+        return (self.trials + 1) * TRIAL_EVERY < self._elapsed - 1e-9
 
     def _try(self) -> Fade:
         fade, self.trials = self._candidate, self.trials + 1
@@ -104,13 +107,18 @@ class FadeSearch:
         return max(acceleration / (PLANNED_SHARE * self._bounds.acceleration), (float(speeds.max()) / fastest) ** 2)
 
 
+def moments_of(fade: Fade) -> int:
+    """The number of parts of a fade after which its speed and acceleration are computed."""
+    return round(_SAMPLES * fade.duration / fade.slowing)
+
+
 def peaks(fade: Fade, ahead: Callable[[Array], Array], chain: Array) -> tuple[Array, float]:
     """How fast joints are during a fade, and how much they are accelerated beyond its target's own motion.
 
     Returns the speed of the fastest joint in each part of the fade, shape (parts,), m/s, and the largest acceleration
     beyond the target's own, m/s^2; `ahead` and `chain` are as for `FadeSearch`.
     """
-    samples = round(_SAMPLES * fade.duration / fade.slowing)
+    samples = moments_of(fade)
     step = fade.duration / samples
     time: Array = step * np.arange(samples + 1.0)
     shares = np.stack(fade.shares(time), axis=-1)

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from msgspec.structs import replace as replace_fields
 
-from benchmarks.export._c_player import SANITIZED, CPlayer, beyond_limits, groups_of, random_script, wide
+from benchmarks.export._c_player import SANITIZED, CPlayer, beyond_limits, deck_plays, random_script, wide
 from command_line import motiondeck
 from controller.deck.interfaces import JointLimits
 from controller.deck.motion_generator import MotionGenerator
@@ -22,7 +22,8 @@ from controller.library.motion_library import MotionLibrary
 from controller.wire.messages import commands
 from joint_libraries import RATE, joint_library
 from motiondeck.export import figure as figure_module
-from motiondeck.export.c_folder import write_c
+from motiondeck.export.c_folder import PLAYER, write_c
+from motiondeck.export.cost import cost_on
 from motiondeck.export.figure import figure_of
 from motiondeck.export.golden import deck_trace
 from motiondeck_base.errors import FileFormatError, MotiondeckError
@@ -49,7 +50,7 @@ def test_random_commands_lead_to_the_angles_of_the_deck(seed):
     rng, one = Random(seed), wide(figure(seed % 3))
     script = random_script(one, TICKS, rng, 20.0, layered=seed % 3 > 0)
     measured = np.array([rng.uniform(-0.5, 0.5) for _ in range(JOINTS)], dtype=np.float32).astype(float)
-    deck, ours = deck_trace(one, script, TICKS, measured, groups_of(one)), player().trace(one, script, TICKS, measured)
+    deck, ours = deck_plays(one, script, TICKS, measured), player().trace(one, script, TICKS, measured)
     assert ours.accepted == deck.accepted
     assert np.abs(ours.safe - deck.safe).max() < 1e-3
 
@@ -95,9 +96,9 @@ def test_sanitizers_find_nothing_and_a_damaged_figure_is_refused():
     one, checked = figure(), player(*SANITIZED)
     script = random_script(one, 900, Random(5), 15.0, layered=True)
     assert np.array_equal(checked.trace(one, script, 900).safe, player().trace(one, script, 900).safe)
-    for place in (0, 8, 400, len(one.words) - 1):
+    for place in (0, 4, 5, 6, 7, 8, 40, 44, 48, 400, len(one.words) - 1):
         words = bytearray(one.words)
-        words[place] ^= 4
+        words[place] ^= 20 if place == 6 else 4  # of the number of words: no word beyond them is read
         with pytest.raises(RuntimeError, match="md_begin: -1"):
             checked.trace(replace(one, words=bytes(words)), [], 1)
 
@@ -124,6 +125,22 @@ def test_a_centralized_library_is_exported_as_its_network_plays_it():
     for name in frames:
         played = MotionGenerator(library, name).frames(0.9, RATE)  # one without a phase begins a frame later
         assert np.abs(MotionGenerator(one.library, name).frames(0.9, RATE)[1:] - played[:-1]).max() < 1e-3
+
+
+def test_the_cost_is_what_a_compiler_finds_and_a_board_that_is_too_small_is_refused(tmp_path):
+    one, size = figure(), tmp_path / "size.c"
+    cost = cost_on(one, "M4F:64:64:256")
+    size.write_text('#include "player.h"\n#include <stdio.h>\nint main(void) { printf("%zu", sizeof(md_player)); }\n')
+    for source in PLAYER:
+        shutil.copy(source, tmp_path)
+    subprocess.run(["cc", f"-DMD_MOST_JOINTS={JOINTS}", "-o", tmp_path / "size", size], check=True)
+    player_bytes = int(subprocess.run([tmp_path / "size"], check=True, capture_output=True).stdout)
+    assert abs(cost["ram"] - 784 - player_bytes) < 100  # pointers are longer here
+    assert cost["flash"] > len(one.words)
+    with pytest.raises(MotiondeckError, match=r"at worst it takes .* MHz of 1, .* kB of RAM of 2;"):
+        cost_on(one, "M0+:1:2:256")
+    with pytest.raises(MotiondeckError, match="core"):
+        cost_on(one, "Z80")
 
 
 def test_what_does_not_fit_is_refused_with_the_remedy(tmp_path, monkeypatch):
