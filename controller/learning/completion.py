@@ -118,7 +118,6 @@ def _window(values: Array, rate: float) -> Array:
 
 
 def _regressed(lessons: Sequence[tuple[Array, Array]], asked: Array) -> Array:
-    """What belongs to the windows that are asked, by those of the lessons."""
     x, y = (np.concatenate([lesson[side] for lesson in lessons]) for side in (0, 1))
     middle, spread = x.mean(0), np.maximum(x.std(0), 1e-6)
     weights = affine_ridge((x - middle) / spread, y, RIDGE * len(x))

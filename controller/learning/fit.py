@@ -48,19 +48,18 @@ def fit_prepared(
                 f"{FEWEST_ANCHORS} states to start from; give a smaller number"
             )
     lessons, judge = training_set.lessons(), training_set.judge(holds=not recipe.as_recorded)
-    with threadpool_limits(1):
-        sized = trainer_of(recipe.network).sized(recipe.network, lessons, recipe.seeds[0], judge, progress)
-    recipe = msgspec.structs.replace(recipe, network=sized)
 
     def train_with(seed: int) -> TrainedNetwork:
         progress(f"training (seed {seed})")
-        trained = settle(recipe.network, lessons, seed, judge)
+        trained = settle(sized, lessons, seed, judge)
         progress("self-test")
         return trained
 
     # Two BLAS threads on a busy machine wait for each other longer than they help.
     with threadpool_limits(1):
+        sized = trainer_of(recipe.network).sized(recipe.network, lessons, recipe.seeds[0], judge, progress)
         trained = first_to_pass(recipe.seeds, train_with)
+    recipe = msgspec.structs.replace(recipe, network=sized)
     return assemble(recipe, training_set, trained.network, trained.seed, trained.verdicts)
 
 

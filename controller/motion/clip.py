@@ -148,6 +148,18 @@ def between_rows(rows: Array, known: Array | Indices, at: Array | Indices) -> Ar
     return np.stack([np.interp(at, known, column) for column in rows.T], axis=-1)
 
 
+CUBIC: Array = 0.5 * np.array([[0, 2, 0, 0], [-1, 0, 1, 0], [2, -5, 4, -1], [-1, 3, -3, 1]], dtype=np.float64)
+"""Catmull-Rom, slopes (p2 - p0) / 2 at p1 and (p3 - p1) / 2 at p2: rows have weights of p0 .. p3 for 1, u, u^2, u^3."""
+
+
+def between_frames(frames: Array, at: Array) -> Array:
+    """Frames (T, C), interpolated by CUBIC at times (S,), counted in frames; constant beyond both ends."""
+    low = np.floor(at)
+    near = (low[:, None] + np.arange(-1.0, 3.0)).clip(0, len(frames) - 1).astype(np.int64)
+    weights = (at - low)[:, None] ** np.arange(4.0) @ CUBIC
+    return np.matmul(weights[:, None], frames[near])[:, 0]
+
+
 def runs(flags: Flags) -> list[tuple[int, int]]:
     """The runs (first, end) of set flags (K,)."""
     change = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(np.int8), [0]])))

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from controller.library.motion_library import MotionInfo, MotionLibrary, once_a_library
-from controller.motion.cubic import between_frames
+from controller.motion.clip import between_frames
 from controller.motion.encodings.motion_matching import joint_features
 from controller.motion.rotations import Array, dot, normalise, rotate
 from controller.motion.skeleton import Posture, Skeleton, walk_path

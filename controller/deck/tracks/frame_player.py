@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from controller.motion.cubic import CUBIC
+from controller.motion.clip import CUBIC
 from controller.networks.base import Channels, FrameNetwork
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
 

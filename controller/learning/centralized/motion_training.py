@@ -71,12 +71,13 @@ def train_centralized(
     starts = _closed(seconds, centers, seed) if loop else slow_and_fast(seconds, centers, FREQUENCY_TRIES, seed)
     weights: Array | LowRankWeights
     if rank == "auto" and target.any():
+        seen = min(frames, round(seconds * RATE))
         sparse = learn_low_rank(
             target,
             time,
             starts,
             satellites=satellites,
-            independent=min(frames, round(seconds * RATE)),
+            independent=seen,
             iterations=iterations,
             move_frequencies=not loop,
         )

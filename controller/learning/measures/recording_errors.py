@@ -17,7 +17,7 @@ from controller.deck.motion_generator import MotionGenerator
 from controller.library.motion_library import MotionLibrary
 from controller.library.recording_error import Errors, RecordingError
 from controller.motion.canonical.canonical_body import CANONICAL_BONES, carried, landmark_places, to_canonical
-from controller.motion.clip import Clip, runs, walked_clip
+from controller.motion.clip import Clip, between_rows, runs, walked_clip
 from controller.motion.rotations import Array, Flags, Indices, normalise
 from controller.motion.skeleton import JAEGER_PARENT, Skeleton
 from motiondeck_base.errors import FileFormatError
@@ -116,10 +116,8 @@ def _leg_length(places: Array) -> float:
 
 def _at(places: Array, frame: Array) -> Array:
     """Places between frames, linearly; the first and the last beyond."""
-    frame = np.clip(frame, 0.0, len(places) - 1.0)
-    low = np.minimum(frame.astype(int), max(0, len(places) - 2))
-    share = (frame - low)[:, None, None]
-    return places[low] * (1.0 - share) + places[np.minimum(low + 1, len(places) - 1)] * share
+    rows = between_rows(places.reshape(len(places), -1), np.arange(len(places)), frame)
+    return rows.reshape(len(frame), *places.shape[1:])
 
 
 def _from_hips(places: Array) -> Array:

@@ -24,7 +24,14 @@ from functools import cached_property
 import numpy as np
 
 from controller.motion.encodings.encoding import Encoding
-from controller.motion.encodings.motion_matching import LOST_MM, Matcher, activity, joint_features, rising_length
+from controller.motion.encodings.motion_matching import (
+    LOST_MM,
+    Matcher,
+    activity,
+    joint_features,
+    rising_length,
+    windows,
+)
 from controller.motion.rotations import Array
 from controller.networks.base import FrameNetwork
 
@@ -143,7 +150,7 @@ class Judge:
         matcher, index, reference = self._matcher, self._names.index(motion), self.features(motion)
         found = matcher.match(run, index, alone=True)
         error = float(np.median(found.distance[2 * len(found.distance) // 3 :]))
-        moving = np.square(np.diff(matcher.windows(reference), axis=0)).mean(1) > STILL_MM**2
+        moving = np.square(np.diff(windows(reference, matcher.stride), axis=0)).mean(1) > STILL_MM**2
         places = found.place[found.place < len(moving)]
         passed_through = rising_length(places[moving[places]]) / max(1, int(moving.sum()))
         end = float(distances(run[-1], reference[-1]))

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
-from controller.motion.cubic import between_frames
+from controller.motion.clip import between_frames
 from controller.motion.encodings.bone_directions import FORWARD, LEFT, TURN_RATE
 from controller.motion.encodings.encoding import Encoding
 from controller.motion.encodings.motion_matching import joint_features

@@ -269,7 +269,6 @@ class BodyRecognizer:
         return still_features(Clip("now", self._skeleton, 1.0, self._root, self._rotation), self._recipe)
 
     def _take(self, frame: Array) -> None:
-        """Passes a frame at the recognizer's rate, without velocities, to the experts."""
         before = self._frame if self._frame is not None else frame
         self._frame = frame
         if self._recipe.velocity:

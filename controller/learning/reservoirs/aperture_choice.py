@@ -43,7 +43,9 @@ def settled_network(
 
     for motion, states in zip(lessons.motions, loaded.states, strict=True) if recipe.choose_apertures else ():
         name, fewest = motion.name, failures_of(network, motion)
-        for aperture in [] if name in recipe.apertures or fewest == 0 else by_attenuation(states, loaded, recipe):
+        fixed = name in recipe.apertures or fewest == 0
+        for index in [] if fixed else np.argsort(attenuations(states, loaded, recipe)):
+            aperture = APERTURES[index]
             part = conceptor_training.conceptor_motion(states, loaded, lessons.normalisation, recipe, aperture)
             tried = network.with_motions({name: part})
             if (failing := failures_of(tried, motion)) < fewest:
@@ -57,11 +59,6 @@ def settled_network(
             # The trials were those of the uncut conceptors.
             failed = {motion.name: failures_of(network, motion) for motion in lessons.motions}
     return network, failed
-
-
-def by_attenuation(states: Array, loaded: LoadedReservoir, recipe: ConceptorRecipe) -> list[float]:
-    """APERTURES for a motion with states (T, N), the one with the least attenuation first."""
-    return [APERTURES[i] for i in np.argsort(attenuations(states, loaded, recipe))]
 
 
 def attenuations(states: Array, loaded: LoadedReservoir, recipe: ConceptorRecipe) -> Array:

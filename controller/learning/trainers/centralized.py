@@ -27,16 +27,11 @@ class CentralizedRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True,
 
 def _sizes(recipe: CentralizedRecipe, channels: Array, rate: float, *, loop: bool, seed: int) -> tuple[int, int]:
     fits = max(1, len(channels) // 3)
-    if recipe.centers != "auto" and recipe.satellites != "auto":
-        return recipe.centers, max(1, min(recipe.satellites, fits))
-    best = score_models(
-        channels,
-        rate,
-        loop=loop,
-        centers=CENTERS if recipe.centers == "auto" else (recipe.centers,),
-        satellites=SATELLITES if recipe.satellites == "auto" else (min(recipe.satellites, fits),),
-        seed=seed,
-    )[0]
+    centers = CENTERS if recipe.centers == "auto" else (recipe.centers,)
+    satellites = SATELLITES if recipe.satellites == "auto" else (max(1, min(recipe.satellites, fits)),)
+    if len(centers) == len(satellites) == 1:
+        return centers[0], satellites[0]
+    best = score_models(channels, rate, loop=loop, centers=centers, satellites=satellites, seed=seed)[0]
     return best.centers, best.satellites
 
 

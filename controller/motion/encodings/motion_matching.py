@@ -18,11 +18,6 @@ SAMPLE_SECONDS = 1.0 / 30.0  # from one to the next, and from one window to the 
 LOST_MM = 40.0
 
 
-def stride_of(rate: float) -> int:
-    """The number of frames at a rate (Hz) nearest to SAMPLE_SECONDS."""
-    return max(1, round(SAMPLE_SECONDS * rate))
-
-
 def joint_features(encoding: Encoding, channels: Array) -> Array:
     """Joint positions relative to the root in the heading frame, and the root's height, shape (T, 3 B + 1), mm."""
     skeleton = encoding.skeleton
@@ -50,17 +45,13 @@ class MotionMatch:
 
 
 class Matcher:
-    """The windows of every motion, of features (T_j, F) each, `stride` frames from one to the next."""
+    """The windows of every motion, of features (T_j, F) each at a rate, Hz, `stride` frames from one to the next."""
 
     def __init__(self, references: list[Array], loops: list[bool], rate: float) -> None:
-        self.stride = stride_of(rate)
+        self.stride = max(1, round(SAMPLE_SECONDS * rate))
         self._windows = [windows(r, self.stride, wrap=loop) for r, loop in zip(references, loops, strict=True)]
         self._square = [np.square(w).sum(1) for w in self._windows]
         self._joints = references[0].shape[1] / 3.0 * SAMPLES
-
-    def windows(self, features: Array) -> Array:
-        """The windows of a run with features (T, F)."""
-        return windows(features, self.stride)
 
     def window_count(self, frames: int) -> int:
         """The number of windows of a run with this many frames."""
@@ -68,7 +59,7 @@ class Matcher:
 
     def match(self, run: Array, meant: int, *, alone: bool = False) -> MotionMatch:
         """Compares a run with features (T, F) with all motions, or only with the intended one."""
-        seen = self.windows(run)
+        seen = windows(run, self.stride)
         square = np.square(seen).sum(1)
         nearest = np.full((len(self._windows), len(seen)), np.inf)
         place = np.empty(0, dtype=np.int64)
@@ -84,7 +75,7 @@ class Matcher:
 
     def nearest(self, run: Array, motion: int) -> Array:
         """The smallest distance of a run with features (T, F) from each window of a motion, shape (n,), mm."""
-        seen, reference = self.windows(run), self._windows[motion]
+        seen, reference = windows(run, self.stride), self._windows[motion]
         distance = np.square(seen).sum(1)[:, None] + self._square[motion] - 2.0 * seen @ reference.T
         return np.sqrt(np.maximum(distance.min(0), 0.0) / self._joints)
 

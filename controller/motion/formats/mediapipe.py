@@ -16,10 +16,10 @@ import numpy as np
 from controller.motion.clip import AS_FOUND, FARTHEST, MOST_NUMBERS, Format, Markers, ReadingOptions
 from controller.motion.formats.joint_arrays import MEDIAPIPE
 from controller.motion.formats.markers.joint_points import turned_over
-from controller.motion.formats.tables import even_times, first_row, is_row, separator_of, words_of
+from controller.motion.formats.tables import even_times, first_row, heading, words_of
 from controller.motion.rotations import Array
 from motiondeck_base.errors import FileFormatError
-from motiondeck_base.files import Line, read_lines, shortened
+from motiondeck_base.files import Line, shortened
 
 _TIMES = ("time", "t", "timestamp", "seconds", "sec")  # besides, with an s or ms at the end
 _LANDMARK = ("landmark", "lm", "landmarkid", "lmid", "landmarkname", "landmarkindex", "lmindex")
@@ -34,15 +34,14 @@ Columns: TypeAlias = dict[int, list[int]]
 
 def read_mediapipe(path: str | Path, options: ReadingOptions = AS_FOUND) -> Markers:
     """The landmarks as points in joints."""
-    texts = [(number, text) for number, text in enumerate(read_lines(path), 1) if is_row(text)]
-    separator = separator_of(texts[0][1]) if texts else ","
-    lines = [Line(path, number, words_of(text, separator)) for number, text in texts]
-    if len(lines) < 2 or len(lines) * len(lines[0].words) > MOST_NUMBERS:
-        raise FileFormatError(f"{path}: {max(0, len(lines) - 1)} lines are no recording. Write it again, or cut it.")
-    heads, rows = [_plain(word) for word in lines[0].words], lines[1:]
+    head, texts, separator, _ = heading(path)
+    if not 0 < len(texts) * len(head.words) <= MOST_NUMBERS:
+        raise FileFormatError(f"{path}: {len(texts)} lines are no recording. Write it again, or cut it.")
+    rows = [Line(path, number, words_of(text, separator)) for number, text in texts]
+    heads = [_plain(word) for word in head.words]
     clock = next((heads.index(word + end) for word in _TIMES for end in ("ms", "s", "") if word + end in heads), None)
     if clock is None:
-        raise lines[0].error("no column of times. Add one called time_s: the number of the frame over the rate.")
+        raise head.error("no column of times. Add one called time_s: the number of the frame over the rate.")
     if short := next((row for row in rows if len(row.words) != len(heads)), None):
         raise short.error(f"{len(short.words)} values, but the first line names {len(heads)}. Write it again.")
     time = np.array([row.number_from(row.words[clock]) for row in rows])

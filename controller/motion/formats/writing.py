@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from controller.motion.clip import Clip, Markers
+from controller.motion.clip import Clip
 from controller.motion.formats.joint_tables import save_joint_table
 from controller.motion.formats.taught_clip import save_taught_clip
 from controller.motion.rotations import Array, conjugate, multiply, rotate
@@ -31,7 +31,8 @@ def write_clip(clip: Clip, path: Path) -> None:
         write = save_taught_clip if path.suffix.lower() == ".clip" else save_joint_table
         write(clip, path)
         return
-    text = bvh_text(clip) if path.suffix.lower() == ".bvh" else csv_text(clip)
+    bvh = path.suffix.lower() == ".bvh"
+    text = bvh_text(clip) if bvh else csv_text(("root", *clip.skeleton.bones), clip.joints(), clip.rate)
     write_file(path, text.encode())
 
 
@@ -75,17 +76,8 @@ def bvh_text(clip: Clip) -> str:
     return "\n".join(lines) + "\n"
 
 
-def csv_text(clip: Clip) -> str:
-    """A clip as CSV: time in s, then x, y, z of the root and of the end of each bone in m (x forward, y left, z up)."""
-    return _table(("root", *clip.skeleton.bones), clip.joints(), clip.rate)
-
-
-def markers_csv(markers: Markers, position: Array) -> str:
-    """Markers at positions (T, M, 3), m, as CSV: time in s, then x, y, z of each, empty where they are NaN."""
-    return _table(markers.labels, position, markers.rate)
-
-
-def _table(names: Sequence[str], places: Array, rate: float) -> str:
+def csv_text(names: Sequence[str], places: Array, rate: float) -> str:
+    """Positions (T, N, 3), m, of markers or of ends of bones as CSV: time in s, then x, y, z of each, empty for NaN."""
     plain = [name.replace(",", " ").replace('"', "") for name in names]
     lines = [",".join(["time_s", *(f"{name}.{axis}" for name in plain for axis in "xyz")])]
     for frame, row in enumerate(places.reshape(len(places), -1)):

@@ -295,7 +295,7 @@ def _print(known: dict[str, Any]) -> None:
 def _fill_markers(file: Path, out: Path, as_json: bool) -> None:
     from controller.learning.centralized.reconstruction import fill_missing, gaps_of
     from controller.motion.formats.markers.c3d import read_c3d, with_points
-    from controller.motion.formats.writing import markers_csv
+    from controller.motion.formats.writing import csv_text
 
     if file.suffix.lower() != ".c3d":
         raise MotiondeckError(f"{file}: only markers (.c3d) have gaps; other recordings hold whole skeletons")
@@ -307,7 +307,7 @@ def _fill_markers(file: Path, out: Path, as_json: bool) -> None:
     if out.suffix.lower() == ".c3d":
         write_file(out, with_points(file, position))
     else:
-        write_file(out, markers_csv(markers, position).encode())
+        write_file(out, csv_text(markers.labels, position, markers.rate).encode())
     rows = _by_marker(markers, gaps)
     if as_json:
         print(json.dumps({"file": str(file), "written": str(out), "markers": rows}))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from controller.motion.cubic import between_frames
+from controller.motion.clip import between_frames
 
 
 def test_a_parabola_is_followed_exactly():

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 
 import synthetic
 from controller.learning.measures.self_test import Judge, self_test
-from controller.motion.encodings.motion_matching import joint_features, rising_length, stride_of, windows
+from controller.motion.encodings.motion_matching import Matcher, joint_features, rising_length, windows
 
 NAMES = list(synthetic.MOTIONS)
 
@@ -157,6 +157,6 @@ def test_rising_length_is_that_of_the_longest_rising_subsequence(places):
 
 @given(st.integers(1, 80), st.sampled_from([24.0, 30.0, 60.0, 120.0, 240.0]))
 def test_windows_start_every_thirtieth_of_a_second_at_any_rate(count, rate):
-    stride = stride_of(rate)
+    stride = Matcher([np.zeros((count, 3))], [True], rate).stride
     assert stride / rate == pytest.approx(1.0 / 30.0, rel=0.3)
     assert windows(np.zeros((count, 3)), stride, wrap=True).shape == (count // stride + 1, 18)

@@ -6,7 +6,7 @@ import synthetic
 from controller.learning.measures.disturbance import FREE_RUN
 from controller.learning.measures.self_test import self_test
 from controller.learning.preparation.training_motion import Lessons
-from controller.learning.reservoirs.aperture_choice import APERTURES, attenuations, by_attenuation, settled_network
+from controller.learning.reservoirs.aperture_choice import APERTURES, attenuations, settled_network
 from controller.learning.reservoirs.conceptor_training import conceptor_network, load_reservoir
 from controller.motion.encodings.motion_matching import joint_features
 
@@ -31,12 +31,10 @@ def settled(recipe, loaded, judge):
     return settled_network(loaded, lessons(), recipe, judge, 0)[0]
 
 
-def test_attenuation_is_a_share_and_orders_the_apertures(loaded):
+def test_attenuation_is_a_share(loaded):
     lost = attenuations(loaded.states[0], loaded, CHOOSING)
     assert ((lost >= 0.0) & (lost <= 1.0)).all()
-    order = by_attenuation(loaded.states[0], loaded, CHOOSING)
-    assert sorted(order) == sorted(APERTURES)
-    assert order[0] == APERTURES[int(lost.argmin())]
+    assert lost.shape == (len(APERTURES),)
 
 
 def test_a_motion_that_does_not_hold_gets_another_aperture(loaded, judge):

@@ -12,7 +12,7 @@ from controller.motion.canonical.clip_edits import mirrored
 from controller.motion.clip import Clip, ReadingOptions
 from controller.motion.formats.positions import read_positions
 from controller.motion.formats.reading import read_clip, recordings_below
-from controller.motion.formats.writing import csv_text, markers_csv, write_clip
+from controller.motion.formats.writing import csv_text, write_clip
 from controller.motion.rotations import multiply, normalise
 from motiondeck_base.errors import FileFormatError
 from people import CANONICAL, in_our_axes, moving
@@ -23,6 +23,10 @@ from written_files import gltf_file
 def walk(tmp_path):
     (tmp_path / "walk.glb").write_bytes(gltf_file(moving(frames=40)).glb())
     return read_clip(tmp_path / "walk.glb")
+
+
+def written(clip):
+    return csv_text(("root", *clip.skeleton.bones), clip.joints(), clip.rate)
 
 
 def back(tmp_path, clip):
@@ -61,7 +65,7 @@ def test_markers_stay_markers(tmp_path):
     seen = np.random.default_rng(0).normal(size=(4, 3, 3))
     seen[1, 2] = np.nan
     markers = Markers(("LKNE", "C7", "CLAV"), 120.0, seen, "z", "a.c3d")
-    (tmp_path / "m.csv").write_text(markers_csv(markers, seen))
+    (tmp_path / "m.csv").write_text(csv_text(markers.labels, seen, markers.rate))
     again = read_positions(tmp_path / "m.csv")
     assert isinstance(again, Markers)
     assert again.labels == markers.labels
@@ -88,7 +92,7 @@ def timed(text, change):
 
 
 def test_times_may_be_those_of_a_clock(tmp_path, walk):
-    (tmp_path / "clock.csv").write_text(timed(csv_text(walk), lambda time: 1.7e9 + time))
+    (tmp_path / "clock.csv").write_text(timed(written(walk), lambda time: 1.7e9 + time))
     clip = read_clip(tmp_path / "clock.csv")
     assert clip.rate == pytest.approx(walk.rate, rel=1e-4)
     assert np.abs(clip.joints() - walk.joints()).max() < 2e-5
@@ -97,7 +101,7 @@ def test_times_may_be_those_of_a_clock(tmp_path, walk):
 def test_a_table_with_uneven_times_is_evened_out(tmp_path, walk):
     """As cameras of telephones write them: some frames come late, some not at all."""
     draw = np.random.default_rng(4)
-    late = timed(csv_text(walk), lambda time: time + (0.0 < time < 0.6) * draw.uniform(0.0, 0.006))
+    late = timed(written(walk), lambda time: time + (0.0 < time < 0.6) * draw.uniform(0.0, 0.006))
     head, *rows = late.splitlines()
     moved = np.array([[float(word) for word in row.split(",")] for row in rows])
     true = np.arange(len(walk)) / walk.rate
@@ -145,7 +149,7 @@ def test_a_table_with_uneven_times_is_evened_out(tmp_path, walk):
     ],
 )
 def test_another_table_is_one_line(tmp_path, walk, change, said):
-    text = csv_text(walk)
+    text = written(walk)
     (tmp_path / "odd.csv").write_text(change(text))
     with pytest.raises(FileFormatError, match=said) as caught:
         read_clip(tmp_path / "odd.csv")
@@ -164,7 +168,7 @@ def test_another_table_is_one_line(tmp_path, walk, change, said):
     ],
 )
 def test_the_same_table_as_others_write_it_is_the_same_body(tmp_path, walk, change):
-    text = csv_text(walk)
+    text = written(walk)
     (tmp_path / "others.csv").write_text(change(text))
     assert np.abs(read_clip(tmp_path / "others.csv").joints() - walk.joints()).max() < 2e-5
     assert tmp_path / "others.csv" in recordings_below(tmp_path)
@@ -172,7 +176,7 @@ def test_the_same_table_as_others_write_it_is_the_same_body(tmp_path, walk, chan
 
 @pytest.mark.parametrize("unit", [100.0, 1000.0])
 def test_a_body_in_centimetres_or_millimetres_is_as_large(tmp_path, walk, unit):
-    head, *rows = csv_text(walk).splitlines()
+    head, *rows = written(walk).splitlines()
     times, places = zip(*(row.split(",", 1) for row in rows), strict=True)
     larger = [",".join(f"{unit * float(word):.4f}" for word in row.split(",")) for row in places]
     (tmp_path / "larger.csv").write_text("\n".join([head, *map(",".join, zip(times, larger, strict=True))]))
@@ -255,7 +259,7 @@ def test_a_table_written_as_ours_with_another_axis_up_is_doubted(tmp_path, walk)
 
 
 def test_line_ends_do_not_matter(tmp_path, walk):
-    (tmp_path / "dos.csv").write_text(csv_text(walk).replace("\n", "\r\n"))
+    (tmp_path / "dos.csv").write_text(written(walk).replace("\n", "\r\n"))
     assert np.abs(read_clip(tmp_path / "dos.csv").joints() - walk.joints()).max() < 2e-5
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from controller.motion.formats.markers.c3d import read_c3d, with_points
-from controller.motion.formats.writing import markers_csv
+from controller.motion.formats.writing import csv_text
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.files import write_file
 from recordings import c3d_bytes
@@ -47,7 +47,7 @@ def test_csv_leaves_empty_what_is_missing(tmp_path, seen):
     file = tmp_path / "lost.c3d"
     file.write_bytes(c3d_bytes(["A", "B,b", "C"], seen))
     markers = read_c3d(file)
-    rows = markers_csv(markers, markers.position).splitlines()
+    rows = csv_text(markers.labels, markers.position, markers.rate).splitlines()
     assert rows[0] == "time_s,A.x,A.y,A.z,B b.x,B b.y,B b.z,C.x,C.y,C.z"
     assert len(rows) == 6
     assert rows[2].endswith(",,,")
