@@ -97,7 +97,7 @@ def named_anatomy(skeleton: Skeleton) -> Anatomy | None:
     heads = [b for b, of in enumerate(named) if of is not None and of.part in ("head", "neck")]
     spine_end = heads or [b for b, of in enumerate(named) if of is not None and of.part == "trunk"]
     spine = _path(skeleton, _main_end(skeleton, spine_end[-1], named)) if spine_end else _way_up(skeleton, part)
-    arms = [b for b in range(len(skeleton)) if part[b] in _ARM and _parent(skeleton, b) in spine]
+    arms = [b for b in range(len(skeleton)) if part[b] in _ARM and skeleton.parent.item(b) in spine]
     level = max((_level(skeleton, spine, b) for b in arms), default=len(spine) - 1)
     for place, bone in enumerate(spine):
         if part[bone] == "other":
@@ -158,7 +158,7 @@ def _name_limb(
 def _level(skeleton: Skeleton, spine: list[int], arm: int) -> int:
     """The index in the spine of the last bone of the trunk, from an arm that branches off."""
     # Bones "A-B" and "A-C" begin in one joint (`joint_tree`): beside a collar bone the spine is still trunk.
-    place = spine.index(_parent(skeleton, arm))
+    place = spine.index(skeleton.parent.item(arm))
     start, way, _ = skeleton.bones[arm].partition("-")
     beside = place + 1 < len(spine) and skeleton.bones[spine[place + 1]].partition("-")[0] == start
     return place + (bool(way) and beside)
@@ -194,17 +194,17 @@ def shaped_anatomy(skeleton: Skeleton) -> Anatomy:
     pairs = _limb_pairs(skeleton, leaves)
     limbs = [branch for pair in pairs for branch in pair]
     # With both arms known, the head is what else lies beyond them, even with raised hands.
-    beyond = [leaf for leaf in leaves if pairs and skeleton.chain[leaf, _parent(skeleton, limbs[-1])]]
+    beyond = [leaf for leaf in leaves if pairs and skeleton.chain[leaf, skeleton.parent.item(limbs[-1])]]
     beyond = [leaf for leaf in beyond if not skeleton.chain[leaf, limbs].any()]
     top = max(beyond or leaves, key=lambda leaf: ends[leaf, 2] - abs(ends[leaf, 1]))
     if pairs:
-        spine = _path(skeleton, top if beyond else _parent(skeleton, limbs[-1]))
+        spine = _path(skeleton, top if beyond else skeleton.parent.item(limbs[-1]))
     else:
         spine = _path(skeleton, top) if ends[top, 2] > 0.0 else []
 
-    branches = [b for b in range(len(skeleton)) if b not in spine and _parent(skeleton, b) in (ROOT, *spine)]
+    branches = [b for b in range(len(skeleton)) if b not in spine and skeleton.parent.item(b) in (ROOT, *spine)]
     ways = {branch: _main_path(skeleton, branch, leaves) for branch in branches}
-    at_root = {branch: _parent(skeleton, branch) == ROOT for branch in branches}
+    at_root = {branch: skeleton.parent.item(branch) == ROOT for branch in branches}
     on_left = {branch: bool(ends[ways[branch][-1], 1] > 0.0) for branch in branches}
     for pair in pairs:
         left = max(pair, key=lambda branch: _first_aside(ends, ways[pair[0]], ways[pair[1]], branch == pair[1]))
@@ -223,7 +223,7 @@ def shaped_anatomy(skeleton: Skeleton) -> Anatomy:
             _name_arm(skeleton, way, limb, part)
             # Some skeletons fork below the chest: the bone that rises beside the arms is then trunk too.
             rises = float(skeleton.rest_direction[branch, 2]) > 0.7
-            arms.append(spine.index(_parent(skeleton, branch)) + rises)
+            arms.append(spine.index(skeleton.parent.item(branch)) + rises)
         elif limbs or ends[limb, 2].min() < 0.0:
             length = skeleton.length[list(way)]
             thigh = int(np.argmax(length[:-1] + length[1:])) if len(way) > 1 else 0
@@ -248,7 +248,7 @@ def _limb_pairs(skeleton: Skeleton, leaves: list[int]) -> list[tuple[int, int]]:
         alike = [(a, b) for a, b in combinations(long, 2) if _unlike(length[a], length[b]) < SAME_LENGTH]
         if alike:
             found.append(min(alike, key=lambda pair: _unlike(length[pair[0]], length[pair[1]])))
-    legs = [pair for pair in found if _parent(skeleton, pair[0]) == ROOT]
+    legs = [pair for pair in found if skeleton.parent.item(pair[0]) == ROOT]
     in_legs = [leg for pair in legs for leg in pair]
     arms = [pair for pair in found if pair not in legs and not skeleton.chain[pair[0], in_legs].any()]
     return [legs[0], arms[0]] if legs and len(arms) == 1 else []
@@ -266,10 +266,6 @@ def _first_aside(ends: Array, one: Sequence[int], other: Sequence[int], second: 
     size = max(map(abs, apart), default=0.0)
     first = next((way for way in apart if abs(way) > 0.1 * size), 0.0)
     return -first if second else first
-
-
-def _parent(skeleton: Skeleton, bone: int) -> int:
-    return int(skeleton.parent[bone])
 
 
 def _path(skeleton: Skeleton, bone: int) -> list[int]:

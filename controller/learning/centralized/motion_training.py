@@ -40,10 +40,10 @@ BEND = 0.3  # deviation of a channel from the demonstrations of a primitive, rel
 def train_centralized(
     channels: Array,
     rate: float,
-    *,
-    loop: bool,
     centers: int = 2,
     satellites: int = 49,
+    *,
+    loop: bool,
     rank: Rank = "full",
     iterations: int = 150,
     seed: int = 0,
@@ -73,13 +73,7 @@ def train_centralized(
     if rank == "auto" and target.any():
         seen = min(frames, round(seconds * RATE))
         sparse = learn_low_rank(
-            target,
-            time,
-            starts,
-            satellites=satellites,
-            independent=seen,
-            iterations=iterations,
-            move_frequencies=not loop,
+            target, time, starts, satellites, independent=seen, iterations=iterations, move_frequencies=not loop
         )
         learned, weights = sparse.satellites, sparse.weights
         shares = (scale[:, None] * weights.shares).astype(np.float32)  # as they are stored
@@ -135,9 +129,7 @@ def score_models(
         if m > len(channels) // 3 or m >= len(seen):
             continue
         try:
-            motion = train_centralized(
-                channels, rate, loop=loop, centers=n, satellites=m, iterations=COMPARED_ITERATIONS, seed=seed
-            )
+            motion = train_centralized(channels, rate, n, m, loop=loop, iterations=COMPARED_ITERATIONS, seed=seed)
         except MotiondeckError:
             continue  # its weights grow too large: too many satellites
         missed = float(np.square((motion.at(time) - seen) / scale).sum())

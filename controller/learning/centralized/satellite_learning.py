@@ -127,14 +127,8 @@ def learn_jointly(
     scores = target if read_out is not None else principal_scores(target)
     problem = _Projection(start, scores, time, move_frequencies, read_out or ridge_readout)
     x = problem.pack(start)
-    found = minimize(
-        problem.loss,
-        x,
-        jac=True,
-        method="L-BFGS-B",
-        bounds=problem.bounds(),
-        options={"maxiter": iterations, "maxcor": 20, "ftol": 1e-12, "gtol": 1e-9},
-    )
+    options = {"maxiter": iterations, "maxcor": 20, "ftol": 1e-12, "gtol": 1e-9}
+    found = minimize(problem.loss, x, jac=True, method="L-BFGS-B", bounds=problem.bounds(), options=options)
     better = found.x if found.fun < problem.loss(x)[0] else x
     return problem.unpack(better)
 

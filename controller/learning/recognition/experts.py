@@ -82,15 +82,8 @@ def committee_recipe(
 
 def expert_reservoir(recipe: ExpertRecipe, channels: int) -> Reservoir:
     """The reservoir that all experts of a recipe share."""
-    return random_reservoir(
-        recipe.neurons,
-        channels,
-        spectral_radius=recipe.spectral_radius,
-        input_scale=recipe.input_scale * float(np.sqrt(3.0 / channels)),
-        bias_scale=recipe.bias_scale,
-        rng=np.random.default_rng(recipe.seed),
-        leak=recipe.leak,
-    )
+    scales = recipe.spectral_radius, recipe.input_scale * float(np.sqrt(3.0 / channels)), recipe.bias_scale
+    return random_reservoir(recipe.neurons, channels, *scales, leak=recipe.leak, seed=recipe.seed)
 
 
 @dataclass(frozen=True)

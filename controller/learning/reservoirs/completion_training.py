@@ -55,15 +55,8 @@ def learn_completion(
     together = np.concatenate(given)
     mean, deviation = together.mean(0), together.std(0)
     deviation = np.where(deviation > 1e-6 * max(float(deviation.max()), 1e-12), deviation, 1.0)
-    reservoir = random_reservoir(
-        recipe.neurons,
-        len(mean),
-        spectral_radius=recipe.spectral_radius,
-        input_scale=recipe.input_scale / np.sqrt(len(mean)),
-        bias_scale=recipe.bias_scale,
-        leak=recipe.leak(hertz),
-        rng=np.random.default_rng(drawn_with),
-    )
+    scales = recipe.spectral_radius, recipe.input_scale / np.sqrt(len(mean)), recipe.bias_scale
+    reservoir = random_reservoir(recipe.neurons, len(mean), *scales, leak=recipe.leak(hertz), seed=drawn_with)
     settling = round(SETTLING_SECONDS * hertz)
     signals = [(part - mean) / deviation for part in given]
     driven = drive(reservoir, [np.concatenate([np.repeat(one[:1], settling, axis=0), one]) for one in signals])

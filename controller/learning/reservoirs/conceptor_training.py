@@ -59,14 +59,8 @@ class LoadedReservoir:
 
 def load_reservoir(to_learn: Sequence[TrainingMotion], recipe: ConceptorRecipe, seed: int) -> LoadedReservoir:
     """Drives a random reservoir with all motions and learns W and W_out (eqs 3.8 and 3.11 - 3.13)."""
-    reservoir = random_reservoir(
-        recipe.neurons,
-        to_learn[0].frames.shape[1],
-        spectral_radius=recipe.spectral_radius,
-        input_scale=recipe.input_scale,
-        bias_scale=recipe.bias_scale,
-        rng=np.random.default_rng(seed),
-    )
+    scales = recipe.spectral_radius, recipe.input_scale, recipe.bias_scale
+    reservoir = random_reservoir(recipe.neurons, to_learn[0].frames.shape[1], *scales, seed=seed)
     driven = drive(reservoir, [np.concatenate([motion.lead_in(recipe.washout), motion.frames]) for motion in to_learn])
     states = [x[len(x) - len(motion.frames) :] for motion, x in zip(to_learn, driven, strict=True)]
     before = [x[len(x) - len(motion.frames) - 1 : -1] for motion, x in zip(to_learn, driven, strict=True)]

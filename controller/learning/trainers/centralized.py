@@ -52,16 +52,9 @@ class CentralizedTrainer(Trainer[CentralizedRecipe]):
         motions = {}
         for motion in lessons.motions:
             channels = normalisation.invert(motion.frames)
-            centers, satellites = _sizes(recipe, channels, rate, loop=motion.loop, seed=seed)
+            sizes = _sizes(recipe, channels, rate, loop=motion.loop, seed=seed)
             motions[motion.name] = train_centralized(
-                channels,
-                rate,
-                loop=motion.loop,
-                centers=centers,
-                satellites=satellites,
-                rank=recipe.rank,
-                iterations=recipe.iterations,
-                seed=seed,
+                channels, rate, *sizes, loop=motion.loop, rank=recipe.rank, iterations=recipe.iterations, seed=seed
             )
         return CentralizedNetwork(motions, rate)
 

@@ -97,15 +97,9 @@ class EchoStateTrainer(Trainer[EchoStateRecipe]):
     def train(self, recipe: EchoStateRecipe, lessons: Lessons, seed: int) -> EchoStateNetwork:
         to_learn = lessons.motions
         rng = np.random.default_rng(seed)
-        reservoir = random_reservoir(
-            recipe.neurons,
-            to_learn[0].frames.shape[1],
-            spectral_radius=recipe.spectral_radius,
-            input_scale=recipe.feedback_scale,
-            bias_scale=recipe.bias_scale,
-            rng=rng,
-            leak=recipe.leak,
-        ).single()
+        scales = recipe.spectral_radius, recipe.feedback_scale, recipe.bias_scale
+        outputs = to_learn[0].frames.shape[1]
+        reservoir = random_reservoir(recipe.neurons, outputs, *scales, leak=recipe.leak, rng=rng).single()
         motions = learn_readouts(reservoir, to_learn, recipe, rng)
         shared = reservoir.weights, reservoir.input_weights, reservoir.bias, reservoir.leak, lessons.normalisation
         return EchoStateNetwork(*shared, motions, clipped=recipe.clipped)

@@ -115,12 +115,8 @@ class BoneDirections:
 
     def decode(self, channels: Array) -> Posture:
         """The postures of channels (..., C), of which they keep nothing; directions are normalised."""
-        return Posture(
-            height=self.height(channels).copy(),
-            velocity=channels[..., FORWARD : LEFT + 1].copy(),
-            turn_rate=channels[..., TURN_RATE].copy(),
-            rotation=self.rotations(channels),
-        )
+        velocity, turn_rate = channels[..., FORWARD : LEFT + 1].copy(), channels[..., TURN_RATE].copy()
+        return Posture(self.height(channels).copy(), velocity, turn_rate, self.rotations(channels))
 
     def direction_channels(self, rotation: Array) -> Array:
         """The channels from FIRST_BONE on of rotations (T, 1 + B, 4) in the heading frame, shape (T, C - 4)."""

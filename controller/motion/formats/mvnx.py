@@ -83,8 +83,6 @@ def _tree(path: str | Path, contents: _Subject, turn: Array, place: Array) -> Jo
 
 @dataclass
 class _Subject:
-    """The parts of one subject."""
-
     rate: str = ""
     points: dict[str, dict[str, list[float]]] = field(default_factory=dict[str, dict[str, list[float]]])  # by segment
     joints: list[tuple[str, str]] = field(default_factory=list[tuple[str, str]])  # parent and child segment

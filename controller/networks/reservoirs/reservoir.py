@@ -39,10 +39,10 @@ class Reservoir:
 def random_reservoir(
     neurons: int,
     inputs: int,
-    *,
     spectral_radius: float = 0.9,
     input_scale: float = 1.0,
     bias_scale: float = 0.2,
+    *,
     leak: float = 1.0,
     seed: int = 0,
     rng: np.random.Generator | None = None,
