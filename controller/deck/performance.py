@@ -57,7 +57,7 @@ class Performance:
     def __init__(self, library: MotionLibrary, motion: str, joining: Joining | None, phase: float = 0.0) -> None:
         self.motions = read_motions(library)
         self._skeleton = library.encoding.skeleton
-        self._by_module = library.network.as_crossing is not None
+        self._by_module = library.network.by_module
         self._morphs_inside = library.network.as_autonomous is not None
         self._joining: Joining = joining or ("morph" if self._by_module else "inertialise")
         # The tracks that play; `tracks.leading` has the phase and the inputs.

@@ -35,8 +35,6 @@ class FrameNetwork(Protocol):
     def anchors(self, motion: str) -> Channels: ...
     def cue(self, motion: str, anchor: int) -> None: ...
     def advance(self, out: Channels) -> None: ...
-    def snapshot(self) -> Any: ...
-    def restore(self, snapshot: Any) -> None: ...
     @property
     def as_phase_network(self) -> PhaseNetwork | None: ...
 
@@ -72,6 +70,8 @@ class Morph(Protocol):
 class AutonomousNetwork(FrameNetwork, Protocol):
     """A network that runs by itself: it may lose its place, and can mix two of its motions."""
 
+    def snapshot(self) -> Any: ...
+    def restore(self, snapshot: Any) -> None: ...
     def astray(self) -> Any:
         """Whether the state is one that undisturbed playing never reaches; of several runs, shape (R,)."""
         ...
@@ -85,19 +85,6 @@ class AutonomousNetwork(FrameNetwork, Protocol):
         mu = 0 is the source, mu = 1 the target; between them lies interpolation, beyond them extrapolation.
         MotiondeckError if the network does not play the source. UnknownNameError if there is no such motion.
         """
-        ...
-
-
-class CrossingNetwork(FrameNetwork, Protocol):
-    """A network with a switching module, which takes it from one motion to another."""
-
-    @property
-    def crossing(self) -> bool:
-        """Whether it is on its way to another motion."""
-        ...
-
-    def cross(self, motion: str, entries: int) -> int:
-        """Starts to cross to the best of the first anchors of a motion; returns which."""
         ...
 
 
@@ -122,6 +109,7 @@ class Network(NamedMotions[Motion], ABC):
     """
 
     kind: ClassVar[str]  # its name in files and recipes; the registry finds it by its folder
+    by_module: ClassVar[bool] = False  # whether a switching module leads from one of its motions to another
 
     channels: int
     neurons: int = 0  # of all motions together
@@ -204,11 +192,6 @@ class Network(NamedMotions[Motion], ABC):
     @property
     def as_autonomous(self) -> AutonomousNetwork | None:
         """The network itself, if it runs by itself."""
-        return None
-
-    @property
-    def as_crossing(self) -> CrossingNetwork | None:
-        """The network itself, if it has a switching module."""
         return None
 
     def settled(self, motion: str) -> Channels | None:

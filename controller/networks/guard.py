@@ -16,9 +16,8 @@ A comparison takes one frame and at most MOST_ANCHORS anchors, whatever the leng
 
 # ruff: noqa: D102 (`base.Network` documents the methods of a `FrameNetwork`)
 
-from copy import copy
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,12 +57,6 @@ class LossWatch:
         self._pace = np.full(len(frames), beat.pace)
         self._place = self._distances(self._seen).argmin(1).astype(np.float64)
         self._count = 0
-
-    def copy(self) -> Self:
-        """An independent watch in the same state."""
-        twin = copy(self)
-        twin._pace = self._pace.copy()  # the only array that is changed in place
-        return twin
 
     def inspect(self, frames: Channels, astray: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Which runs are lost, shape (R,), by their newest frames (R, C) and whether their states are impossible."""
@@ -151,14 +144,6 @@ class Guard:
         self.recues += 1
         self.anchor = int(self._watch.restart(np.zeros(1, dtype=np.int64))[0])
         self.network.cue(self._motion, self.anchor)
-
-    def snapshot(self) -> Any:
-        return self.network.snapshot(), self._motion, self._watch.copy()
-
-    def restore(self, snapshot: Any) -> None:
-        network, self._motion, watch = snapshot
-        self.network.restore(network)
-        self._watch = watch.copy()
 
 
 def spread(network: FrameNetwork) -> Channels:

@@ -76,7 +76,7 @@ def figure_of(
     """
     every, names = [one.name for one in library.info.motions], [*dict.fromkeys(motions)] or library.network.motions
     chosen = [library.info.motions[place] for place in UnknownNameError.indices("motion", names, every)]
-    if library.network.as_phase_network is None and library.network.as_crossing is None:
+    if library.network.as_phase_network is None and not library.network.by_module:
         raise MotiondeckError(f"a {library.info.network} network may lose its place in a motion: it is not exported")
     if driven := [one.name for one in chosen if one.input is not None]:
         raise MotiondeckError(f"{driven[0]} has an input besides its phase; leave it out with --motions")

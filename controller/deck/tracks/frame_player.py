@@ -7,8 +7,6 @@ frames behind.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from controller.motion.clip import CUBIC
@@ -144,15 +142,3 @@ class FramePlayer:
                 "this library's network runs by itself: it has no phase to jump to or to lock, and cannot be played "
                 'backwards. Learned from its recipe with type = "phase-conceptor" under [network], it has one'
             )
-
-    def snapshot(self) -> Any:
-        """A copy of the state: two runs from one snapshot are identical."""
-        own = self._frames.copy(), tuple(self._phases), self._fraction, self._forwards
-        return self.motion, self.network.snapshot(), *own
-
-    def restore(self, snapshot: Any) -> None:
-        """Puts the state back to a snapshot."""
-        self.motion, network, self._frames[:], self._phases[:], self._fraction, self._forwards = snapshot
-        self.network.restore(network)
-        if self._driven is not None:
-            self.pace = self._driven.pace

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any
 
 import numpy as np
 
@@ -61,16 +60,6 @@ class Mixture:
         self._morph.advance(rise(min(1.0, self._frames / self._length)), out)
         if self._frames >= self._length + AHEAD:
             self._continue_alone(self._morph, out)
-
-    def snapshot(self) -> Any:
-        """A copy of the state, while one motion plays alone."""
-        return self._network.snapshot(), self.motion
-
-    def restore(self, snapshot: Any) -> None:
-        """Puts the state back to a snapshot."""
-        state, self.motion = snapshot
-        self._network.restore(state)
-        self._end()
 
     def _continue_alone(self, morph: Morph, frame: Channels) -> None:
         """Leaves the other motion playing, and cues a guard to where it is."""

@@ -10,7 +10,6 @@ has come from the one to the other, and the target is entered where it is most l
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -151,59 +150,29 @@ class CentersPlayer:
 class Passage:
     """The switching module while it goes from one motion to another; its state k is the k-th of `motions`."""
 
-    source: CentersPlayer | None = None  # what it leaves
-
-    def __init__(self, motions: int, channels: int = 0) -> None:
-        self._played = np.zeros(channels)  # by the source
+    def __init__(self, motions: int) -> None:
         self.module = SwitchingModule(design_module(motions), time_scale=GAIN * TIME_CONSTANT)
-        self._origin = self._goal = 0.0
+        self.way = 0.0, 0.0  # of z, from and to
 
-    def stay(self, state: int) -> None:
-        """Rests in a motion."""
-        self.source = None
-        self.module.reset(state)
-
-    def begin(self, target: int, source: CentersPlayer | None = None) -> None:
-        """Begins to cross to a motion, by a clamp current, perhaps from one that plays."""
-        self.source = source
-        self._goal = float(self.module.design.targets[target])
-        if abs(self.module.z - self._goal) < 0.1:
+    def begin(self, target: int) -> None:
+        """Begins to cross to a motion, by a clamp current."""
+        goal = float(self.module.design.targets[target])
+        if abs(self.module.z - goal) < 0.1:
             # The same state again: z comes from beside it, so that its way has a length.
-            self.module.place(self._goal - 1.0)
-        self._origin = self.module.z
+            self.module.place(goal - 1.0)
+        self.way = self.module.z, goal
         self.module.command(clamp(self.module.design, target, GAIN))
 
     def advance(self, dt: float) -> bool:
         """Goes dt seconds on; whether the way still lasts."""
         self.module.advance(dt)
-        self.source = self.source if self.module.commanded else None
         return self.module.commanded
 
     @property
     def share(self) -> float:
         """The share of the target in the mixture."""
-        return rise(min(1.0, max(0.0, (self.module.z - self._origin) / (self._goal - self._origin))))
-
-    def mix(self, dt: float, out: Channels) -> None:
-        """Goes dt seconds on with the source, and mixes it into the target's out, (D,)."""
-        assert self.source is not None
-        played = self._played
-        self.source.advance(dt)
-        self.source.read(played)
-        np.subtract(out, played, out=out)
-        np.multiply(out, self.share, out=out)
-        np.add(out, played, out=out)
-
-    def snapshot(self) -> tuple[Any, ...]:
-        """A copy of the state."""
-        source = self.source.copy() if self.source is not None else None
-        return self.module.snapshot(), self._origin, self._goal, source
-
-    def restore(self, snapshot: tuple[Any, ...]) -> None:
-        """Puts the state back to a snapshot."""
-        module, self._origin, self._goal, source = snapshot
-        self.module.restore(module)
-        self.source = source.copy() if source is not None else None
+        origin, goal = self.way
+        return rise(min(1.0, max(0.0, (self.module.z - origin) / (goal - origin))))
 
 
 def shared_channels(motions: dict[str, CentralizedMotion]) -> int:
@@ -217,28 +186,6 @@ def shared_channels(motions: dict[str, CentralizedMotion]) -> int:
 def channel_scale(spread: Array) -> Array:
     """The spread of channels (D,) to divide them by: no less than a thousandth of the largest, and never 0."""
     return np.maximum(spread, 1e-3 * max(1e-12, float(spread.max())))
-
-
-class Entries:
-    """The entry points of some motions, (E,), s: the best is where a motion is most like the course of the one before.
-
-    What is compared are the windows that follow them, each channel over its spread.
-    """
-
-    def __init__(self, motions: Mapping[str, CentralizedMotion], starts: Mapping[str, Array]) -> None:
-        self._ahead = np.linspace(0.0, WINDOW_SECONDS, WINDOW_FRAMES)
-        windows = {
-            name: motion.at((starts[name][:, None] + self._ahead).ravel()).reshape(len(starts[name]), WINDOW_FRAMES, -1)
-            for name, motion in motions.items()
-        }
-        frames = np.concatenate([w.reshape(-1, w.shape[-1]) for w in windows.values()])
-        self._scale = channel_scale(frames.std(0))
-        self._windows = {name: w / self._scale for name, w in windows.items()}
-
-    def best(self, source: CentralizedMotion, time: float, target: str, among: int | None = None) -> int:
-        """The best of the first `among` entry points for leaving a motion at a time, s."""
-        coming = source.at(time + self._ahead) / self._scale
-        return int(np.square(self._windows[target][:among] - coming).sum((1, 2)).argmin())
 
 
 class CentralizedGenerator(NamedMotions[CentralizedMotion]):
@@ -257,26 +204,33 @@ class CentralizedGenerator(NamedMotions[CentralizedMotion]):
             raise MotiondeckError(f"noise of {noise} on z; it is not negative")
         super().__init__(motions)
         self.tempo = 1.0  # multiplies all frequencies
-        self._crossing = Passage(len(motions), self.channels)
-        self.module = self._crossing.module  # state k is the k-th motion
+        self._passage = Passage(len(motions))
+        self.module = self._passage.module  # state k is the k-th motion
         self._noise, self._random = noise, np.random.default_rng(seed)
-        self._out = np.zeros(self.channels)
-        starts = {k: np.arange(ENTRIES if m.loop else 1) / ENTRIES * m.seconds for k, m in motions.items()}
-        self._entries = Entries(motions, starts)
+        self._out, self._left = np.zeros((2, self.channels))
+        self._ahead = np.linspace(0.0, WINDOW_SECONDS, WINDOW_FRAMES)
+        windows: dict[str, Array] = {}
+        for name, part in motions.items():
+            starts = np.arange(ENTRIES if part.loop else 1) / ENTRIES * part.seconds
+            windows[name] = part.at(np.add.outer(starts, self._ahead).ravel()).reshape(len(starts), WINDOW_FRAMES, -1)
+        self._scale = channel_scale(np.concatenate([w.reshape(-1, self.channels) for w in windows.values()]).std(0))
+        # What follows each entry point of a motion, each channel over its spread, shape (E, WINDOW_FRAMES, D).
+        self._windows = {name: window / self._scale for name, window in windows.items()}
         self.cue(self.motions[0])
 
     @property
     def settled(self) -> bool:
         """Whether no switch is under way."""
-        return self._crossing.source is None and self._waiting is None
+        return self._source is None and self._waiting is None
 
     def cue(self, motion: str, phase: float = 0.0) -> None:
         """Starts a motion at a phase in [0, 1), without a transition."""
         part = self[motion]
         self.motion = motion  # the one that plays or is being switched to
         self._player = CentersPlayer(part, phase * part.seconds)
+        self._source: CentersPlayer | None = None  # what it leaves
         self._waiting: str | None = None
-        self._crossing.stay(self.motions.index(motion))
+        self.module.reset(self.motions.index(motion))
 
     def switch(self, to: str) -> None:
         """Goes over to a motion; while a switch is under way, the latest other wish waits for its end.
@@ -284,21 +238,24 @@ class CentralizedGenerator(NamedMotions[CentralizedMotion]):
         UnknownNameError if there is no such motion; it names the nearest.
         """
         part = self[to]
-        if self._crossing.source is not None:
+        if self._source is not None:
             self._waiting = to if to != self.motion else None
             return
         if to == self.motion and part.loop:
             return
-        entry = self._entries.best(self._player.motion, self._player.time, to)
-        self._crossing.begin(self.motions.index(to), self._player)
+        # It is entered where it is most like the course of the motion before.
+        coming = self._player.motion.at(self._player.time + self._ahead) / self._scale
+        entry = int(np.square(self._windows[to] - coming).sum((1, 2)).argmin())
+        self._passage.begin(self.motions.index(to))
+        self._source = self._player
         self._player, self.motion = CentersPlayer(part, entry / ENTRIES * part.seconds), to
 
     def step(self, dt: float) -> Channels:
         """Goes dt >= 0 seconds on and gives the channels there, shape (D,); the array is reused by the next step."""
         self._player.advance(dt * self.tempo)
         self._player.read(self._out)
-        if self._crossing.source is not None:
-            self._mix(dt)
+        if self._source is not None:
+            self._mix(self._source, dt)
         elif self._noise:
             self.module.advance(dt, self._noise * dt**0.5 * self._random.standard_normal())
             if self.module.state != self.motions.index(self.motion):
@@ -316,19 +273,27 @@ class CentralizedGenerator(NamedMotions[CentralizedMotion]):
 
     def snapshot(self) -> tuple[Any, ...]:
         """A copy of the state: two runs from one snapshot are identical."""
-        noise, crossing = self._random.bit_generator.state, self._crossing.snapshot()
-        return self.motion, self._player.copy(), self._waiting, crossing, noise
+        source = self._source.copy() if self._source is not None else None
+        noise, module = self._random.bit_generator.state, self.module.snapshot()
+        return self.motion, self._player.copy(), self._waiting, source, module, self._passage.way, noise
 
     def restore(self, snapshot: tuple[Any, ...]) -> None:
         """Puts the state back to a snapshot."""
-        self.motion, player, self._waiting, crossing, self._random.bit_generator.state = snapshot
-        self._player = player.copy()
-        self._crossing.restore(crossing)
+        self.motion, player, self._waiting, source, module, self._passage.way, noise = snapshot
+        self._random.bit_generator.state, self._player = noise, player.copy()
+        self._source = source.copy() if source is not None else None
+        self.module.restore(module)
 
-    def _mix(self, dt: float) -> None:
-        if self._crossing.advance(dt):
-            self._crossing.mix(dt * self.tempo, self._out)
+    def _mix(self, source: CentersPlayer, dt: float) -> None:
+        if self._passage.advance(dt):
+            out, left = self._out, self._left
+            source.advance(dt * self.tempo)
+            source.read(left)
+            np.subtract(out, left, out=out)
+            np.multiply(out, self._passage.share, out=out)
+            np.add(out, left, out=out)
             return
+        self._source = None
         self.module.reset(self.motions.index(self.motion))
         if self._waiting is not None:
             waiting, self._waiting = self._waiting, None

@@ -1,4 +1,4 @@
-"""A centralized network frame by frame: entered at anchors, and crossing to other motions by its switching module."""
+"""A centralized network frame by frame, entered at anchors."""
 
 from __future__ import annotations
 
@@ -8,16 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.motion.rotations import Array
-from controller.networks.base import Activation, Channels, CrossingNetwork, Network, lead_shape
-from controller.networks.centralized.centralized import (
-    CentersPlayer,
-    CentralizedMotion,
-    Entries,
-    Passage,
-    shared_channels,
-)
+from controller.networks.base import Activation, Channels, Network, lead_shape
+from controller.networks.centralized.centralized import CentersPlayer, CentralizedMotion, shared_channels
 from controller.networks.centralized.low_rank import LowRankWeights, PackedWeights
 from controller.networks.centralized.satellites import GaussianSatellites
+from controller.networks.centralized.switching_design import design_module
 from controller.networks.storage import StoredNetwork, arrays_of
 from motiondeck_base.errors import MotiondeckError
 
@@ -25,17 +20,16 @@ ANCHOR_EVERY = 2
 
 
 class CentralizedNetwork(Network[CentralizedMotion]):
-    """Plays centralized motions frame by frame; fits `base.CrossingNetwork` (several runs do not cross)."""
+    """Plays centralized motions frame by frame; SwitchingModuleError if they are too many for a switching module."""
 
-    kind = "centralized"
+    kind, by_module = "centralized", True
 
     def __init__(self, motions: dict[str, CentralizedMotion], rate: float, runs: tuple[int, ...] = ()) -> None:
         self.channels = shared_channels(motions)
         super().__init__(motions)
         self.rate, self.runs = rate, runs
         self.neurons = sum(len(part.frequency) + len(part.satellites) for part in motions.values())
-        self._crossing = Passage(len(motions), self.channels)
-        self._entries = Entries(motions, {name: self._anchor_times(name) for name in self.motions})
+        design_module(len(motions))  # here, as in a tick it would be late
         self.cue(self.motions[0], 0)
 
     def twin(self, runs: int | None = None) -> CentralizedNetwork:
@@ -54,31 +48,10 @@ class CentralizedNetwork(Network[CentralizedMotion]):
 
     def cue(self, motion: str, anchor: int) -> None:
         self._player = CentersPlayer(self[motion], anchor * ANCHOR_EVERY / self.rate, self.runs)
-        self._crossing.stay(self.motions.index(motion))
-
-    @property
-    def as_crossing(self) -> CrossingNetwork:
-        return self
-
-    def cross(self, motion: str, entries: int) -> int:
-        """Starts to cross to one of the first anchors of a motion, by the switching module."""
-        # It is the anchor after which the motion is most like the course of the source.
-        source, part = self._player, self[motion]
-        anchor = self._entries.best(source.motion, source.time, motion, entries)
-        self._player = CentersPlayer(part, anchor * ANCHOR_EVERY / self.rate)
-        self._crossing.begin(self.motions.index(motion), source)
-        return anchor
-
-    @property
-    def crossing(self) -> bool:
-        return self._crossing.source is not None
 
     def advance(self, out: Channels, noise: Activation | None = None) -> None:
-        dt = 1.0 / self.rate
-        self._player.advance(dt, noise)
+        self._player.advance(1.0 / self.rate, noise)
         self._player.read(out)
-        if self._crossing.source is not None and self._crossing.advance(dt):
-            self._crossing.mix(dt, out)
 
     def noise_size(self, motion: str) -> int:
         """(q, p / omega) of each center; satellites follow at once."""
@@ -87,12 +60,11 @@ class CentralizedNetwork(Network[CentralizedMotion]):
     def displace(self, noise: Activation, weights: Activation | None = None) -> None:
         self._player.displace(noise)
 
-    def snapshot(self) -> tuple[CentersPlayer, tuple[Any, ...]]:
-        return self._player.copy(), self._crossing.snapshot()
+    def snapshot(self) -> CentersPlayer:
+        return self._player.copy()
 
     def restore(self, snapshot: Any) -> None:
-        self._player = snapshot[0].copy()
-        self._crossing.restore(snapshot[1])
+        self._player = snapshot.copy()
 
     def center_phases(self, motion: str) -> Array:
         part = self[motion]

@@ -102,11 +102,6 @@ class SwitchingModule:
         if self._command is not None and self._elapsed >= self._command.lasts:
             self._command = None
 
-    def relax(self, drive: CommandInput, time: float, dt: float) -> None:
-        """Holds a drive for some module time."""
-        for _ in range(round(time / dt)):
-            self._z, self.w = advance_state(self.design, self._z, self.w, dt, drive)
-
     @property
     def z(self) -> float:
         """The state of the center."""
@@ -156,12 +151,13 @@ def _collapse(design: ModuleDesign) -> CommandInput:
 @lru_cache(maxsize=32)
 def _kicks(design: ModuleDesign) -> Array:
     """The currents that carry the center from the collapsed state to each target in 1 unit of time, by bisection."""
-    module = SwitchingModule(design)
-    module.relax(_collapse(design), 2.0, 0.005)
+    one, own = np.array(design.targets[0]), design.kappa * design.satellites(design.targets[0])
+    for _ in range(400):
+        one, own = advance_state(design, one, own, 0.005, _collapse(design))
     low, high = np.full(len(design), -2.0), design.targets + 2.0
     for _ in range(40):
         kick = 0.5 * (low + high)
-        z, w = np.full(len(design), module.z), np.tile(module.w, (len(design), 1))
+        z, w = np.full(len(design), one), np.tile(own, (len(design), 1))
         for _ in range(100):
             z, w = advance_state(design, z, w, 0.01, CommandInput(np.zeros(len(design))), kick)
         reached = z >= design.targets

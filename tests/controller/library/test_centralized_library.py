@@ -8,7 +8,6 @@ from safetensors.numpy import save_file
 
 import synthetic
 from controller.deck.deck import Deck
-from controller.deck.tracks.frame_player import FramePlayer
 from controller.learning.measures.self_test import Judge, self_test
 from controller.learning.trainers.centralized import CentralizedRecipe
 from controller.library.motion_library import MotionLibrary, load_library, save_library
@@ -108,38 +107,6 @@ def test_anchors_are_the_frames_that_are_played_from_them(library):
             network.advance(out)
             network.advance(out)
             assert np.allclose(out, anchors[anchor + 1], atol=1e-9)
-
-
-def test_a_player_goes_back_to_a_snapshot_bit_by_bit(library):
-    player = FramePlayer(library.network.twin(), synthetic.RATE)
-    player.cue("wave", 0.4)
-    before = player.snapshot()
-    first = [player.step(0.007).copy() for _ in range(100)]
-    player.restore(before)
-    assert np.array_equal([player.step(0.007).copy() for _ in range(100)], first)
-
-
-def test_a_network_goes_over_by_itself_and_repeats_that_from_a_snapshot(library):
-    network = library.network.twin()
-    network.cue("march", 5)
-    out = np.empty((150, network.channels))
-    for frame in out[:20]:
-        network.advance(frame)
-    entry = network.cross("wave", len(network.anchors("wave")))
-    assert network.crossing
-    before = network.snapshot()
-    for frame in out[20:]:
-        network.advance(frame)
-    assert not network.crossing
-    steady = max(np.abs(np.diff(played(library.network.twin(), name), axis=0)).max() for name in ("march", "wave"))
-    assert np.abs(np.diff(out, axis=0)).max() < 2.0 * steady
-    arrived = network["wave"].at(np.array([(2 * entry + 130) / network.rate]))
-    assert np.allclose(out[-1], arrived[0])
-    network.restore(before)
-    again = np.empty_like(out[20:])
-    for frame in again:
-        network.advance(frame)
-    assert np.array_equal(again, out[20:])
 
 
 def test_a_switch_in_the_middle_of_a_switch_does_not_jump(library):

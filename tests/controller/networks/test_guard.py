@@ -81,13 +81,3 @@ def test_a_motion_that_happens_once_keeps_its_order(guard):
     middle = synthetic.bow()[30 + LOOK_EVERY : 60]
     assert np.sqrt(np.square((middle - played[-1]) / guard.scale).mean(1)).min() < 0.1
     assert np.abs(run(guard, 600)[-1] - synthetic.bow()[-1]).max() < 0.05
-
-
-def test_two_runs_from_one_snapshot_are_identical(guard):
-    guard.cue("wave", 5)
-    run(guard, 33)
-    kept = guard.snapshot()
-    first = run(guard, 60)
-    guard.cue("bow", 0)
-    guard.restore(kept)
-    assert np.array_equal(first, run(guard, 60))

@@ -49,18 +49,6 @@ def test_a_step_of_no_time_stays_where_it_is(network):
     assert np.array_equal(player.step(0.0).copy(), player.step(0.0).copy())
 
 
-def test_two_runs_from_one_snapshot_are_identical(network):
-    player = FramePlayer(network, 120.0)
-    player.cue("bow", 0.1)
-    play(player, 0.004, 11)
-    kept = player.snapshot()
-    first = play(player, 0.004, 50)
-    player.cue("wave")
-    player.restore(kept)
-    assert np.array_equal(first, play(player, 0.004, 50))
-    assert player.motion == "bow"
-
-
 class Polynomial:
     """A network whose frames lie on a given curve of the frame's number."""
 

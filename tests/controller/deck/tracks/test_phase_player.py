@@ -88,17 +88,6 @@ def test_a_one_shot_goes_to_its_end_and_back_to_its_beginning(player):
     assert np.abs(shown - bow[0]).max() < 0.02
 
 
-def test_two_runs_from_one_snapshot_are_identical(player):
-    player.cue("wave", 0.4)
-    for _ in range(7):
-        player.step(-0.6 * DT)
-    kept = player.snapshot()
-    first = [player.step(tempo * DT).copy() for tempo in (-1.0, 0.5, 2.0)]
-    player.cue("march")
-    player.restore(kept)
-    assert np.array_equal(first, [player.step(tempo * DT).copy() for tempo in (-1.0, 0.5, 2.0)])
-
-
 def test_a_network_that_runs_by_itself_is_not_played_backwards():
     player = FramePlayer(synthetic.small_network(), synthetic.RATE)
     for wrong in (lambda: player.step(-DT), lambda: player.phase):
