@@ -3,21 +3,17 @@
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from typing import Protocol, TypeVar
+from typing import TypeVar
 
 T = TypeVar("T")
 
 
-class Tick(Protocol):
-    """Moves the bar one step on; new words stand beside it from then on."""
-
-    def __call__(self, words: str | None = None) -> None:
-        """One step is done, or, with words, the step of that name begins."""
-
-
 @contextmanager
-def progress(words: str, total: int | None) -> Iterator[Tick]:
-    """A bar of `total` steps (None: unknown) on standard error; the context value is the function that advances it."""
+def progress(words: str, total: int | None) -> Iterator[Callable[..., None]]:
+    """A bar of `total` steps (None: unknown) on standard error; the context value is the function that advances it.
+
+    It takes nothing where a step is done, or the words of the one that begins, which stand beside the bar from then on.
+    """
     from rich import progress as rich
     from rich.console import Console
 

@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
@@ -34,31 +35,12 @@ def state_folder() -> Path:
     return Path(os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state") / "motiondeck"
 
 
-def find_robot(name: str | Path) -> Path:
-    """The file of a robot: the path itself, else the shipped one of this name; MotiondeckError has near names."""
-    return _find("robot", "robots", ".toml", name)
-
-
-def find_rig(name: str | Path, *, also: Sequence[str] = ()) -> Path:
-    """The file of a rig: the path itself if `name` is one, else the shipped rig of this name.
-
-    MotiondeckError if there is none; it offers the nearest names, also of other words without a file that were meant.
-    """
-    return _find("rig", "rigs", ".toml", name, also)
-
-
-def find_library(name: str | Path) -> Path:
-    """The file of a library: the path itself, else the shipped one of this name; MotiondeckError has near names."""
-    return _find("library", "libraries", ".safetensors", name)
-
-
-def find_stage(name: str | Path) -> Path:
-    """A stage file: the path itself, else the shipped example of this name; MotiondeckError has near names."""
-    return _find("stage", "stages", ".toml", name)
-
-
 def _find(kind: str, folder: str, suffix: str, name: str | Path, also: Sequence[str] = ()) -> Path:
-    """A file by its path, which has the suffix or names a folder, or else by the name of a shipped one."""
+    """The file of a robot, rig, library or stage: the path itself, else the shipped one of this name.
+
+    A path has the suffix or names a folder. MotiondeckError if there is no such file; it offers the nearest names, also
+    of other words without a file that were meant.
+    """
     path = Path(name)
     is_path = path.suffix == suffix or len(path.parts) > 1
     if path.suffix == suffix and path.is_file():
@@ -73,3 +55,9 @@ def _find(kind: str, folder: str, suffix: str, name: str | Path, also: Sequence[
         hint = f". Did you mean {' or '.join(str(path.with_name(one + suffix)) for one in near)}?" if near else ""
         raise MotiondeckError(f"{name}: there is no such file{hint}")
     raise UnknownNameError.among(kind, str(name), [*also, *shipped])
+
+
+find_robot = partial(_find, "robot", "robots", ".toml")
+find_rig = partial(_find, "rig", "rigs", ".toml")
+find_library = partial(_find, "library", "libraries", ".safetensors")
+find_stage = partial(_find, "stage", "stages", ".toml")

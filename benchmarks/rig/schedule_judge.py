@@ -29,6 +29,7 @@ from benchmarks.rig.burdens import Burdens, dead_torque
 from benchmarks.rig.judged_port import APART, PLAY, JudgedBus, JudgedPort
 from hardware.emulator.servos.device import Device
 from hardware.emulator.servos.servo_bank import TRIPPED
+from hardware.families import frames as codes
 from hardware.families.dynamixel2 import frames as wire
 from hardware.rig.rig_file import RigConfig
 from hardware.rig.rig_joint import POSITION_MODE, RigJoint
@@ -314,7 +315,7 @@ class ShaftJudge:
         for family in {joint.table.family for joint in self._config.joints}:
             joints = [joint for joint in self._config.joints if joint.table.family is family]
             frames = (
-                [frame for frame in family.parser().feed(sent) if frame.instruction == wire.SYNC_WRITE]
+                [frame for frame in family.parser().feed(sent) if frame.instruction == codes.SYNC_WRITE]
                 if joints
                 else []
             )

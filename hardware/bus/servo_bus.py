@@ -63,8 +63,6 @@ class Bus:
         self._margin = margin
         self._patient = True  # whether a last wait may be a long one
         self._requests: dict[tuple[Blocks, bool], GroupRead] = {}
-        self._asked: tuple[Blocks, bool, GroupRead | None] = (), False, None  # last: a loop asks the same again
-        self._divided: tuple[Blocks, Mapping[int, Family], list[Blocks]] = (), self.families, []  # last, as `_lines`
         self._pending: GroupRead | None = None  # the one whose reply is awaited
         self._due = 0.0  # when all of it has arrived, if nothing holds it up
         self._received = b""
@@ -138,20 +136,15 @@ class Bus:
         # known to be silent itself. It goes to the back, and after `retries` more chances it is given up.
         heard: dict[int, StatusPacket] = {}
         for line in self._lines(blocks):
-            heard = heard | self._read_line(line, fast) if heard else self._read_line(line, fast)
+            heard |= self._read_line(line, fast)
         return heard
 
     def _lines(self, blocks: Blocks) -> list[Blocks]:
-        """The blocks that may be asked for together; the last are kept, since a loop asks for the same again."""
-        divided, families, lines = self._divided
-        if divided is not blocks or families is not self.families:
-            by_family: dict[Family, list[tuple[int, int, int]]] = {}
-            for block in blocks:
-                by_family.setdefault(self._family(block[0]), []).append(block)
-            lines = [line for family, own in by_family.items() for line in family.lines(tuple(own))]
-            lines = [blocks] if lines == [blocks] else lines
-            self._divided = blocks, self.families, lines
-        return lines
+        """The blocks that may be asked for together."""
+        by_family: dict[Family, list[tuple[int, int, int]]] = {}
+        for block in blocks:
+            by_family.setdefault(self._family(block[0]), []).append(block)
+        return [line for family, own in by_family.items() for line in family.lines(tuple(own))]
 
     def _read_line(self, blocks: Blocks, fast: bool) -> dict[int, StatusPacket]:
         """The same for blocks that may be asked for together."""
@@ -178,9 +171,7 @@ class Bus:
         """
         if self._pending is not None:
             return False
-        asked, was_fast, request = self._asked
-        if asked is not blocks or was_fast is not fast or request is None:
-            request = self._plan(blocks, fast)
+        request = self._requests.get((blocks, fast)) or self._plan(blocks, fast)
         if self._may_be_late:
             self._discard()
         data = before + request.frame
@@ -361,13 +352,10 @@ class Bus:
         self._may_be_late = True
 
     def _plan(self, blocks: Blocks, fast: bool) -> GroupRead:
-        request = self._requests.get((blocks, fast))
-        if request is None:
-            request = self._family(blocks[0][0]).group_read(blocks, fast)
-            if len(self._requests) >= _REQUESTS_KEPT:
-                self._requests.clear()
-            self._requests[blocks, fast] = request
-        self._asked = blocks, fast, request
+        """A group read, which is kept: a loop asks the same again."""
+        if len(self._requests) >= _REQUESTS_KEPT:
+            self._requests.clear()
+        request = self._requests[blocks, fast] = self._family(blocks[0][0]).group_read(blocks, fast)
         return request
 
     def _ask_group(self, blocks: Blocks, fast: bool) -> dict[int, StatusPacket]:

@@ -1,22 +1,10 @@
 """A servo family as a value: its frames, group reads, identity and locks. The bus and the rig work on this alone."""
 
-# ruff: noqa: D102 (`plain_frames` documents the instructions)
-
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import Protocol
 
-from hardware.families.frames import Frame, FrameParser, StatusPacket
+from hardware.families.frames import Frame, FrameParser, Instructions, StatusPacket
 from hardware.families.replies import Blocks, GroupRead
-
-
-class Instructions(Protocol):
-    """The instructions that every family has, each as the bytes of one frame."""
-
-    def ping(self, id: int) -> bytes: ...
-    def read(self, id: int, address: int, length: int) -> bytes: ...
-    def write(self, id: int, address: int, data: bytes) -> bytes: ...
-    def sync_write(self, address: int, length: int, entries: bytes) -> bytes: ...
 
 
 @dataclass(frozen=True, slots=True)

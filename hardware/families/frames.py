@@ -1,6 +1,8 @@
 """What the frames of all families have in common: ID, instruction or error, parameters; and the search for them."""
 
 from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
 from heapq import heappop, heappush
 from typing import NamedTuple
 
@@ -17,6 +19,17 @@ ERRORS = {
     7: "register not accessible (read-only, undefined, or EEPROM while torque is on)",
 }
 """What the error number of a status means; families with other errors say the same by these."""
+
+PING, READ, WRITE, REG_WRITE, ACTION, FACTORY_RESET = range(1, 7)
+REBOOT = 0x08
+CLEAR = 0x10
+BACKUP = 0x20
+SYNC_READ = 0x82
+SYNC_WRITE = 0x83
+FAST_SYNC_READ = 0x8A
+BULK_READ = 0x92
+BULK_WRITE = 0x93
+FAST_BULK_READ = 0x9A
 
 
 class Frame(NamedTuple):
@@ -36,6 +49,34 @@ class StatusPacket(msgspec.Struct, frozen=True, gc=False):
     params: bytes  # what was asked for
     # Which problems the servo has, where the answer itself tells (Protocol 1.0): 1 voltage, 4 heat, 32 overload.
     hardware: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Instructions:
+    """The instructions that every family has, each as the bytes of one frame."""
+
+    build: Callable[[int, int, bytes], bytes]  # a frame with an ID, an instruction and its parameters
+    words: Callable[..., bytes]  # addresses and lengths as parameters
+
+    def ping(self, id: int) -> bytes:
+        """Answered as the family's `Identification` says."""
+        return self.build(id, PING, b"")
+
+    def read(self, id: int, address: int, length: int) -> bytes:
+        """Asks one servo for `length` bytes of its control table."""
+        return self.build(id, READ, self.words(address, length))
+
+    def write(self, id: int, address: int, data: bytes) -> bytes:
+        """Writes bytes into a servo's control table."""
+        return self.build(id, WRITE, self.words(address) + data)
+
+    def reboot(self, id: int) -> bytes:
+        """Restarts a servo, which brings it back from a shutdown; see `Series.reboots`."""
+        return self.build(id, REBOOT, b"")
+
+    def sync_write(self, address: int, length: int, entries: bytes) -> bytes:
+        """Writes the same registers of many servos at once, unanswered; entries are ID and `length` bytes, repeated."""
+        return self.build(BROADCAST, SYNC_WRITE, self.words(address, length) + entries)
 
 
 class FrameParser:

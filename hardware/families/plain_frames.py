@@ -8,7 +8,7 @@ looks like an instruction: only the sender tells them apart. What the bits of ER
 
 from collections.abc import Iterable
 
-from hardware.families.frames import BROADCAST, Frame, FrameParser
+from hardware.families.frames import BROADCAST, BULK_READ, SYNC_READ, Frame, FrameParser, Instructions
 
 HEADER = b"\xff\xff"
 LONGEST = 250  # what LENGTH may say; the makers' own SDKs take no more
@@ -57,41 +57,9 @@ class PlainParser(FrameParser):
         return Frame(data[2], data[4], data[5:-1])
 
 
-PING = 0x01
-READ = 0x02
-WRITE = 0x03
-REG_WRITE = 0x04
-ACTION = 0x05
-FACTORY_RESET = 0x06
-REBOOT = 0x08  # MX alone
-SYNC_READ = 0x82  # Feetech alone
-SYNC_WRITE = 0x83
-BULK_READ = 0x92  # MX alone
-
-
-def ping(id: int) -> bytes:
-    """Answered without parameters: model and firmware are in the control table."""
-    return build(id, PING)
-
-
-def read(id: int, address: int, length: int) -> bytes:
-    """Asks one servo for `length` bytes of its control table."""
-    return build(id, READ, bytes((address, length)))
-
-
-def write(id: int, address: int, data: bytes) -> bytes:
-    """Writes bytes into a servo's control table."""
-    return build(id, WRITE, bytes((address,)) + data)
-
-
-def sync_write(address: int, length: int, entries: bytes) -> bytes:
-    """Writes the same registers of many servos at once, unanswered; entries are ID and `length` bytes, repeated."""
-    return build(BROADCAST, SYNC_WRITE, bytes((address, length)) + entries)
-
-
-def reboot(id: int) -> bytes:
-    """Restarts a servo; only MX know it."""
-    return build(id, REBOOT)
+INSTRUCTIONS = Instructions(build, lambda *values: bytes(values))
+ping, read, write = INSTRUCTIONS.ping, INSTRUCTIONS.read, INSTRUCTIONS.write
+reboot, sync_write = INSTRUCTIONS.reboot, INSTRUCTIONS.sync_write
 
 
 def sync_read(address: int, length: int, ids: Iterable[int]) -> bytes:

@@ -5,7 +5,7 @@ all answer at once, and nothing can be understood. A reboot is known to MX only,
 """
 
 from hardware.families import emulation
-from hardware.families import plain_frames as wire
+from hardware.families import frames as wire
 from hardware.families.dynamixel1.family import ANGLE_LIMIT, BAD_CHECKSUM, BAD_INSTRUCTION, FAMILY, OUT_OF_RANGE
 from hardware.families.emulation import Answer, EmulatedServo, EmulatedServos, alone_or_mixed, in_turn, sync_write
 from hardware.families.frames import BROADCAST, Frame

@@ -41,7 +41,7 @@ def _group_read(blocks: Blocks, fast: bool) -> GroupRead:
 FAMILY = Family(
     name="dynamixel1",
     spoken=" in Protocol 1.0",
-    instructions=instructions,
+    instructions=instructions.INSTRUCTIONS,
     parser=PlainParser,
     as_status=as_status,
     status_length=status_length,

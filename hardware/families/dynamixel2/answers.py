@@ -7,14 +7,15 @@ silences all behind it (on a strict bus; otherwise they answer anyway).
 from collections.abc import Callable
 
 from hardware.families import emulation
-from hardware.families.dynamixel2 import frames as wire
+from hardware.families import frames as wire
+from hardware.families.dynamixel2 import frames
 from hardware.families.dynamixel2.family import FAMILY
 from hardware.families.dynamixel2.frames import ALERT, HEADER, STATUS, build_status, checksum
 from hardware.families.emulation import Answer, EmulatedServo, EmulatedServos, alone_or_mixed, in_turn
 from hardware.families.frames import BROADCAST, Frame
 
 _NEWER_FIRMWARE = 42  # a factory reset of everything is no longer taken from a broadcast
-_BACKUPS = {wire.BACKUP_STORE: False, wire.BACKUP_RESTORE: True}
+_BACKUPS = {frames.BACKUP_STORE: False, frames.BACKUP_RESTORE: True}
 _LAST_ID_ADDRESS = 13  # of the ID, the baud rate, the second ID and the protocol
 
 
@@ -80,7 +81,7 @@ def _alone(bus: EmulatedServos, device: EmulatedServo, id: int, frame: Frame, sh
                 return done
             error = emulation.RANGE if len(params) == 1 else emulation.LENGTH
         case wire.CLEAR:
-            error = device.clear() if params == wire.CLEAR_TURNS else emulation.RANGE
+            error = device.clear() if params == frames.CLEAR_TURNS else emulation.RANGE
         case wire.BACKUP if not shadow:
             error = device.back_up(_BACKUPS.get(params), deaf_until)
             bus.reindex()

@@ -12,7 +12,7 @@ from hardware.families.series import HEAT, OVERLOAD, VOLTAGE, Series
 FAMILY = Family(
     name="dynamixel2",
     spoken="",
-    instructions=frames,
+    instructions=frames.INSTRUCTIONS,
     parser=frames.Parser,
     as_status=frames.as_status,
     status_length=status_length,

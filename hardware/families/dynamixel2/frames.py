@@ -11,7 +11,8 @@ from collections.abc import Iterable
 
 from fastcrc import crc16
 
-from hardware.families.frames import BROADCAST, Frame, FrameParser, StatusPacket
+from hardware.families import frames as common
+from hardware.families.frames import BROADCAST, Frame, FrameParser, Instructions, StatusPacket
 
 checksum = crc16.umts
 """checksum(data, start) is the CRC-16 (polynomial 0x8005, start 0, not reflected) of bytes, carried on from `start`.
@@ -100,22 +101,6 @@ class Parser(FrameParser):
         return Frame(id, instruction, (body if fast_reply else unstuff(body))[1:])
 
 
-PING = 0x01
-READ = 0x02
-WRITE = 0x03
-REG_WRITE = 0x04
-ACTION = 0x05
-FACTORY_RESET = 0x06
-REBOOT = 0x08
-CLEAR = 0x10
-BACKUP = 0x20
-SYNC_READ = 0x82
-SYNC_WRITE = 0x83
-FAST_SYNC_READ = 0x8A
-BULK_READ = 0x92
-BULK_WRITE = 0x93
-FAST_BULK_READ = 0x9A
-
 CLEAR_TURNS = b"\x01\x44\x58\x4c\x22"
 BACKUP_STORE = b"\x01\x43\x54\x52\x4c"
 BACKUP_RESTORE = b"\x02\x43\x54\x52\x4c"
@@ -126,24 +111,9 @@ def words(*values: int) -> bytes:
     return b"".join(value.to_bytes(2, "little") for value in values)
 
 
-def ping(id: int) -> bytes:
-    """Answered with model number (2 bytes) and firmware version."""
-    return build(id, PING)
-
-
-def read(id: int, address: int, length: int) -> bytes:
-    """Asks one servo for `length` bytes of its control table."""
-    return build(id, READ, words(address, length))
-
-
-def write(id: int, address: int, data: bytes) -> bytes:
-    """Writes bytes into a servo's control table."""
-    return build(id, WRITE, words(address) + data)
-
-
-def reboot(id: int) -> bytes:
-    """Restarts a servo: the only way to bring it back from a shutdown."""
-    return build(id, REBOOT)
+INSTRUCTIONS = Instructions(build, words)
+ping, read, write = INSTRUCTIONS.ping, INSTRUCTIONS.read, INSTRUCTIONS.write
+reboot, sync_write = INSTRUCTIONS.reboot, INSTRUCTIONS.sync_write
 
 
 def sync_read(address: int, length: int, ids: Iterable[int], fast: bool = False) -> bytes:
@@ -151,15 +121,10 @@ def sync_read(address: int, length: int, ids: Iterable[int], fast: bool = False)
 
     If `fast` they do so in one frame: see `group_reply.fast_reply`.
     """
-    return build(BROADCAST, FAST_SYNC_READ if fast else SYNC_READ, words(address, length) + bytes(ids))
-
-
-def sync_write(address: int, length: int, entries: bytes) -> bytes:
-    """Writes the same registers of many servos at once, unanswered; entries are ID and `length` bytes, repeated."""
-    return build(BROADCAST, SYNC_WRITE, words(address, length) + entries)
+    return build(BROADCAST, common.FAST_SYNC_READ if fast else common.SYNC_READ, words(address, length) + bytes(ids))
 
 
 def bulk_read(blocks: Iterable[tuple[int, int, int]], fast: bool = False) -> bytes:
     """Asks each (id, address, length) for its own registers; they answer as to `sync_read`."""
     asked = b"".join(bytes((id,)) + words(address, length) for id, address, length in blocks)
-    return build(BROADCAST, FAST_BULK_READ if fast else BULK_READ, asked)
+    return build(BROADCAST, common.FAST_BULK_READ if fast else common.BULK_READ, asked)

@@ -5,7 +5,7 @@ broadcast ping is answered in order of ID, as LeRobot expects it.
 """
 
 from hardware.families import emulation
-from hardware.families import plain_frames as wire
+from hardware.families import frames as wire
 from hardware.families.emulation import Answer, EmulatedServo, EmulatedServos, alone_or_mixed, in_turn, sync_write
 from hardware.families.feetech.family import FAMILY
 from hardware.families.frames import BROADCAST, Frame

@@ -58,7 +58,7 @@ def _whole(heads: NDArray[np.uint8], stride: int, received: bytes) -> WholeReply
 FAMILY = Family(
     name="feetech",
     spoken=" as a Feetech servo",
-    instructions=instructions,
+    instructions=instructions.INSTRUCTIONS,
     parser=PlainParser,
     as_status=as_status,
     status_length=status_length,

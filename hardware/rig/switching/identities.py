@@ -46,16 +46,16 @@ def check_identities(config: RigConfig, bus: Bus) -> None:
 
 def raise_answer_level(config: RigConfig, bus: Bus) -> None:
     """Sets servos to answer every instruction: a mute one would look like one that is missing."""
-    for index in _answer_by_ram(config):
-        _answer_all(config.only([index]), bus)
+    for index, joint in enumerate(config.joints):
+        if joint.table["status_return_level"].memory == "RAM":
+            _answer_all(config.only([index]), bus)
 
 
 def raise_answer_level_in_eeprom(config: RigConfig, bus: Bus) -> None:
     """The same for servos with this level in EEPROM; where it is too low, the ping does not tell the model."""
     # EEPROM cells wear out, so it is written only where it is wrong.
-    newer = _answer_by_ram(config)
     for index, joint in enumerate(config.joints):
-        if index in newer:
+        if joint.table["status_return_level"].memory == "RAM":
             continue
         try:
             right = read_register(joint, bus, "status_return_level") == joint.table.family.answers_all
@@ -68,10 +68,6 @@ def raise_answer_level_in_eeprom(config: RigConfig, bus: Bus) -> None:
 
 def _answer_all(config: RigConfig, bus: Bus) -> None:
     sync_write_all(config, bus, "status_return_level", config.joints[0].table.family.answers_all)
-
-
-def _answer_by_ram(config: RigConfig) -> list[int]:
-    return [i for i, joint in enumerate(config.joints) if joint.table["status_return_level"].memory == "RAM"]
 
 
 def knows_fast_reads(config: RigConfig, bus: Bus) -> bool:

@@ -2,6 +2,7 @@
 
 import pytest
 
+from hardware.families import frames as codes
 from hardware.families.dynamixel2 import frames as wire
 from hardware.families.dynamixel2.frames import BROADCAST, Parser, as_status, build
 from hardware.families.dynamixel2.group_reply import fast_reply, fast_reply_length
@@ -121,15 +122,15 @@ def test_an_unknown_instruction_is_error_2(say):
 
 
 def test_a_registered_write_waits_for_the_action(say, get):
-    assert [status.error for status in say(build(1, wire.ACTION))] == [2]
-    assert [status.error for status in say(build(1, wire.REG_WRITE, b"\x41\x00\x01"))] == [0]
+    assert [status.error for status in say(build(1, codes.ACTION))] == [2]
+    assert [status.error for status in say(build(1, codes.REG_WRITE, b"\x41\x00\x01"))] == [0]
     assert (get("registered_instruction"), get("led")) == (1, 0)
-    assert [status.error for status in say(build(1, wire.ACTION))] == [0]
+    assert [status.error for status in say(build(1, codes.ACTION))] == [0]
     assert (get("registered_instruction"), get("led")) == (0, 1)
 
 
 def test_a_registered_write_is_checked_at_once(say):
-    assert [status.error for status in say(build(1, wire.REG_WRITE, b"\x41\x00\x05"))] == [4]
+    assert [status.error for status in say(build(1, codes.REG_WRITE, b"\x41\x00\x05"))] == [4]
 
 
 def test_the_status_return_level_says_what_is_answered(say, put):
@@ -203,7 +204,7 @@ def test_groups_are_read_in_the_order_asked(say):
 def test_groups_are_written_without_an_answer(say, get):
     assert say(wire.sync_write(65, 1, bytes([1, 1, 3, 1]))) == []
     assert [get("led", id) for id in (1, 2, 3)] == [1, 0, 1]
-    assert say(build(BROADCAST, wire.BULK_WRITE, bytes([2, 65, 0, 1, 0, 1]) + bytes([1, 84, 0, 2, 0, 0, 1]))) == []
+    assert say(build(BROADCAST, codes.BULK_WRITE, bytes([2, 65, 0, 1, 0, 1]) + bytes([1, 84, 0, 2, 0, 0, 1]))) == []
     assert (get("led", 2), get("position_p_gain", 1)) == (1, 256)
 
 

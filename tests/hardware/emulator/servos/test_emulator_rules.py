@@ -11,6 +11,7 @@ from benchmarks.rig.burdens import dead_torque
 from benchmarks.simulated_time import EmulatedPort
 from hardware.emulator.bus import EmulatedBus
 from hardware.families import emulation
+from hardware.families import frames as codes
 from hardware.families.dynamixel2 import frames as wire
 from hardware.families.dynamixel2.frames import BROADCAST, Parser, as_status, build, checksum
 from hardware.families.dynamixel2.group_reply import fast_reply, fast_reply_length
@@ -114,7 +115,7 @@ def test_a_factory_reset_keeps_what_it_is_told_to(port, keep, id, baud):
     """[P2] Factory Reset: FF all, 01 all but ID, 02 all but ID and baud rate; the servo restarts."""
     servo, device = Servo(port, 2), port.bus[2]
     servo.put("max_position_limit", 3000)
-    assert servo.errors(build(2, wire.FACTORY_RESET, bytes((keep,)))) == [0]
+    assert servo.errors(build(2, codes.FACTORY_RESET, bytes((keep,)))) == [0]
     assert (device["id"], device["baud_rate"], device["max_position_limit"]) == (id, baud, 4095)
     assert servo.say(wire.ping(2)) == []
 
@@ -122,9 +123,9 @@ def test_a_factory_reset_keeps_what_it_is_told_to(port, keep, id, baud):
 def test_a_factory_reset_of_everything_is_not_taken_from_a_broadcast(servo):
     """[P2] Factory Reset: FF to the broadcast ID is ignored from firmware 42 on."""
     servo.put("max_position_limit", 3000)
-    assert servo.say(build(BROADCAST, wire.FACTORY_RESET, bytes((emulation.RESET_ALL,)))) == []
+    assert servo.say(build(BROADCAST, codes.FACTORY_RESET, bytes((emulation.RESET_ALL,)))) == []
     assert servo.get("max_position_limit") == 3000
-    assert servo.errors(build(1, wire.FACTORY_RESET, bytes((0x77,)))) == [4]
+    assert servo.errors(build(1, codes.FACTORY_RESET, bytes((0x77,)))) == [4]
 
 
 def test_clear_forgets_whole_turns_and_is_refused_while_moving(servo, port):
@@ -133,27 +134,27 @@ def test_clear_forgets_whole_turns_and_is_refused_while_moving(servo, port):
     port.bus[1].bank.shaft[0] = 3 * 4096 + 500.0
     port.elapse(0.01)
     assert servo.get("present_position") == 3 * 4096 + 500
-    clear = build(1, wire.CLEAR, wire.CLEAR_TURNS)
+    clear = build(1, codes.CLEAR, wire.CLEAR_TURNS)
     assert servo.errors(clear) == [0]
     assert servo.get("present_position") == 500
     servo.put("goal_position", 3000)
     servo.put("torque_enable", 1)
     port.elapse(0.2)
     assert servo.errors(clear) == [1]
-    assert servo.errors(build(1, wire.CLEAR, b"\x01\x02")) == [4]
+    assert servo.errors(build(1, codes.CLEAR, b"\x01\x02")) == [4]
 
 
 def test_the_eeprom_is_backed_up_and_restored(servo, port):
     """[P2] Control Table Backup: refused with torque on; restoring restarts; Backup Ready (147) says it is there."""
-    assert servo.errors(build(1, wire.BACKUP, wire.BACKUP_RESTORE)) == [1]
+    assert servo.errors(build(1, codes.BACKUP, wire.BACKUP_RESTORE)) == [1]
     servo.put("max_position_limit", 3000)
-    assert servo.errors(build(1, wire.BACKUP, wire.BACKUP_STORE)) == [0]
+    assert servo.errors(build(1, codes.BACKUP, wire.BACKUP_STORE)) == [0]
     assert servo.get("backup_ready") == 1
     servo.put("max_position_limit", 3500)
     servo.put("torque_enable", 1)
-    assert servo.errors(build(1, wire.BACKUP, wire.BACKUP_STORE)) == [1]
+    assert servo.errors(build(1, codes.BACKUP, wire.BACKUP_STORE)) == [1]
     servo.put("torque_enable", 0)
-    assert servo.errors(build(1, wire.BACKUP, wire.BACKUP_RESTORE)) == [0]
+    assert servo.errors(build(1, codes.BACKUP, wire.BACKUP_RESTORE)) == [0]
     port.elapse(1.0)
     assert servo.get("max_position_limit") == 3000
 
@@ -412,8 +413,8 @@ def test_a_second_id_obeys_and_keeps_silent(port):
     assert (port.bus[1]["max_position_limit"], port.bus[2]["max_position_limit"]) == (3000, 4095)
     shadow.say(wire.sync_write(65, 1, b"\x01\x00"))
     assert (port.bus[1]["led"], port.bus[2]["led"]) == (0, 0)
-    assert [status.id for status in shadow.say(build(1, wire.REG_WRITE, b"\x41\x00\x01"))] == [1]
-    shadow.say(build(1, wire.ACTION, b""))
+    assert [status.id for status in shadow.say(build(1, codes.REG_WRITE, b"\x41\x00\x01"))] == [1]
+    shadow.say(build(1, codes.ACTION, b""))
     assert (port.bus[1]["led"], port.bus[2]["led"]) == (1, 1)
 
 

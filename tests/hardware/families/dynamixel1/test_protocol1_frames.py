@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from hardware.families import frames as codes
 from hardware.families import plain_frames as wire
 from hardware.families.dynamixel1.family import as_status
 from hardware.families.frames import Frame
@@ -48,7 +49,7 @@ class Recorder:
             lambda packets, port: packets.bulkReadTx(port, [2, 1, 36, 4, 2, 30], 6),
             wire.bulk_read(((1, 36, 2), (2, 30, 4))),
         ),
-        (lambda packets, port: packets.txPacket(port, [0, 0, 5, 2, wire.PING, 0]), wire.ping(5)),
+        (lambda packets, port: packets.txPacket(port, [0, 0, 5, 2, codes.PING, 0]), wire.ping(5)),
     ],
 )
 def test_instructions_are_the_bytes_of_the_makers_sdk(call, ours):
@@ -80,12 +81,12 @@ def test_a_frame_with_a_bad_checksum_is_dropped_and_its_id_is_known():
     parser = PlainParser()
     broken = bytearray(wire.read(7, 36, 2))
     broken[-1] ^= 1
-    assert parser.feed(bytes(broken) + wire.read(8, 36, 2)) == [Frame(8, wire.READ, b"\x24\x02")]
+    assert parser.feed(bytes(broken) + wire.read(8, 36, 2)) == [Frame(8, codes.READ, b"\x24\x02")]
     assert parser.damaged == [7]
 
 
 def test_a_header_may_begin_with_a_byte_of_noise_that_looks_like_it():
-    assert PlainParser().feed(b"\xff" + wire.ping(1)) == [Frame(1, wire.PING, b"")]
+    assert PlainParser().feed(b"\xff" + wire.ping(1)) == [Frame(1, codes.PING, b"")]
 
 
 @pytest.mark.parametrize("header", [b"\xff\xff\x01\xfa", b"\xff\xff\x01\x50", b"\xff"])
@@ -115,4 +116,4 @@ def test_an_answer_tells_problems_of_the_servo_from_those_of_the_instruction():
 )
 def test_what_is_no_frame_cannot_be_built(id, params, said):
     with pytest.raises(ValueError, match=said):
-        build(id, wire.PING, params)
+        build(id, codes.PING, params)

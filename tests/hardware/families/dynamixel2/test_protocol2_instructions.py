@@ -4,6 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from hardware.families import frames as codes
 from hardware.families.dynamixel2 import frames as wire
 from hardware.families.dynamixel2.frames import build, build_status, checksum
 from hardware.families.dynamixel2.group_reply import (
@@ -24,7 +25,7 @@ GOLDEN = {
     "ping": (wire.ping(1), "FFFFFD00 01 0300 01 194E"),
     "read": (wire.read(1, 132, 4), "FFFFFD00 01 0700 02 84000400 1D15"),
     "write": (wire.write(1, 116, (512).to_bytes(4, "little")), "FFFFFD00 01 0900 03 740000020000 CA89"),
-    "action": (build(1, wire.ACTION), "FFFFFD00 01 0300 05 02CE"),
+    "action": (build(1, codes.ACTION), "FFFFFD00 01 0300 05 02CE"),
     "reboot": (wire.reboot(1), "FFFFFD00 01 0300 08 2F4E"),
     "sync read": (wire.sync_read(132, 4, [1, 2]), "FFFFFD00 FE 0900 82 84000400 0102 CEFA"),
     "fast sync read": (wire.sync_read(132, 4, [3, 7, 4], fast=True), "FFFFFD00 FE 0A00 8A 84000400 030704 20F2"),

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from hardware.errors import RigError
-from hardware.families.dynamixel2.frames import SYNC_WRITE, WRITE, Parser
+from hardware.families.dynamixel2.frames import Parser
+from hardware.families.frames import SYNC_WRITE, WRITE
 from hardware.rig.supervision.rig import Rig
 from hardware.rig.switching.identities import check_identities, raise_answer_level
 

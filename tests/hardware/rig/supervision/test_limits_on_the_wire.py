@@ -8,7 +8,8 @@ from benchmarks.simulated_time import EmulatedPort
 from hardware.bus.servo_bus import Bus
 from hardware.emulator.bus import EmulatedBus
 from hardware.errors import RigError
-from hardware.families.dynamixel2.frames import SYNC_WRITE, Parser
+from hardware.families.dynamixel2.frames import Parser
+from hardware.families.frames import SYNC_WRITE
 from hardware.rig.supervision.rig import Rig
 from motiondeck import open_rig
 

@@ -15,7 +15,8 @@ from controller.motion.skeleton import Pose
 from hardware.bus.servo_bus import Bus
 from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.pty_server import PtyServer
-from hardware.families.dynamixel2.frames import SYNC_WRITE, Parser
+from hardware.families.dynamixel2.frames import Parser
+from hardware.families.frames import SYNC_WRITE
 from hardware.rig.rig_file import RigConfig, RigJoint, load_rig
 from hardware.rig.supervision.rig import Rig
 from motiondeck.run.robots.rig_output import RigOutput, narrowed
