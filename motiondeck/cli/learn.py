@@ -12,16 +12,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from typer import Argument, Option
 
-from motiondeck.cli.common.options import (
-    GroundOption,
-    JobsOption,
-    JsonOption,
-    Reading,
-    check_ending,
-    check_new,
-    ground_of,
-    grouped,
-)
+from motiondeck.cli.common import options as shared
+from motiondeck.cli.common.options import JsonOption, Reading
 from motiondeck_base.arrays_on_disk import return_freed_arrays
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.files import check_folder, write_file
@@ -56,8 +48,8 @@ class LearnOptions:
     physical: Annotated[
         bool, Option("--physical", help="Learn what --robot does on its own feet, as `retarget --physical` finds it.")
     ] = False
-    jobs: JobsOption = "1"
-    ground: GroundOption = "auto"
+    jobs: shared.JobsOption = "1"
+    ground: shared.GroundOption = "auto"
     accept: Annotated[
         list[str] | None,
         Option(metavar="NAME", help="Learn a recording in spite of doubts about it; all; or upper-body: without legs."),
@@ -71,7 +63,7 @@ class LearnOptions:
     ] = None
 
 
-@grouped
+@shared.grouped
 def learn(options: LearnOptions, reading: Reading, as_json: JsonOption = False) -> None:
     """Learn a library from recordings, or from a recipe.
 
@@ -110,11 +102,11 @@ def learn(options: LearnOptions, reading: Reading, as_json: JsonOption = False) 
     from motiondeck_base.jobs import Jobs
     from sim.robots.catalogue import find_robot
 
-    jobs, own = Jobs.parse(options.jobs), replace(reading.options(), ground=ground_of(options.ground))
+    jobs, own = Jobs.parse(options.jobs), replace(reading.options(), ground=shared.ground_of(options.ground))
     if options.robot is not None:
         find_robot(options.robot)  # a misspelt name is refused before anything is learned
     if options.out is not None:
-        check_ending(options.out, "a library")
+        shared.check_ending(options.out, "a library")
     kinds = {_kind(path) for path in options.what}
     if reading != Reading() and "recording" not in kinds:
         raise MotiondeckError("--unit and other options of reading are for recordings; in a recipe they are keys")
@@ -178,7 +170,7 @@ def _library(options: LearnOptions, name: str, *, and_recipe: bool = False) -> P
     recipe = _recipe_beside(out)
     edited = f". A recipe that you have edited is trained with: motiondeck learn {recipe}" if and_recipe else ""
     found = [out.with_suffix("")] if options.physical else []
-    check_new(*([recipe] if and_recipe else []), out, *found, force=options.force, hint=edited)
+    shared.check_new(*([recipe] if and_recipe else []), out, *found, force=options.force, hint=edited)
     return out
 
 

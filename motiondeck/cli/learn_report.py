@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
-from controller.deck.worst_join import worst_join
+from controller.deck.worst_join import Join, worst_join
 from controller.learning.centralized.model_choice import mean_absolute, mean_distance, relative_accuracy
 from controller.learning.learn import LearnedLibrary
 from controller.learning.recipe import LibraryRecipe, warnings
@@ -19,17 +19,7 @@ from controller.learning.trainers.trainer import kind_of
 from controller.learning.training_set import LearnedPart, TrainingSet
 from controller.library.motion_library import MotionLibrary
 from controller.motion.encodings.motion_matching import joint_features
-from controller.motion.rotations import Array
-from motiondeck.cli.common.library_report import (
-    join_fields,
-    join_line,
-    part_fields,
-    part_of,
-    print_errors,
-    print_table,
-    report,
-    seam_of,
-)
+from motiondeck.cli.common import library_report as libraries
 from motiondeck.cli.common.tables import show_table
 from motiondeck.cli.common.verdict_report import print_verdicts
 from motiondeck_base.files import listed
@@ -57,14 +47,17 @@ def report_recipe(
     closeness = _compare(library, training_set, recipe.network.anchor_every)
     worst = worst_join(library)
     if as_json:
-        fields = report(library) | {"beside_the_recording": closeness, "written": str(written) if written else None}
-        fields |= {"learned_from": {name: part_fields(part) for name, part in training_set.parts.items()}}
-        print(json.dumps(fields | {"worst_join": join_fields(worst)} | _compared(candidates) | _judged(judge)))
+        fields = libraries.report(library) | {
+            "beside_the_recording": closeness,
+            "written": str(written) if written else None,
+        }
+        fields |= {"learned_from": {name: libraries.part_fields(part) for name, part in training_set.parts.items()}}
+        print(json.dumps(fields | _common_fields(worst, candidates, judge)))
         return
-    print_table(library)
+    libraries.print_table(library)
     _print_closeness(library, training_set.parts, closeness)
     if worst is not None:
-        print(join_line(worst))
+        print(libraries.join_line(worst))
     print(*map(str, candidates), sep="\n", end="\n" if candidates else "")
     if written:
         recipe_too = f" and its recipe {taught}" if taught else ""
@@ -80,9 +73,9 @@ def report_recordings(
     if as_json:
         fields = {"written": str(out), "recipe": str(recipe), "motions": _rows(learned)}
         fields["actors"] = [asdict(actor) for actor in learned.actors]
-        fields |= {"warnings": warnings(learned.recipe), "worst_join": join_fields(worst)}
+        fields |= {"warnings": warnings(learned.recipe)}
         fields |= {"on_its_feet": msgspec.to_builtins(stood)} if stood else {}
-        print(json.dumps(fields | _compared(learned.candidates) | _judged(judge)))
+        print(json.dumps(fields | _common_fields(worst, learned.candidates, judge)))
         return
     if stood:
         from motiondeck.cli.robot.retarget import print_stood
@@ -97,7 +90,7 @@ def report_recordings(
             f"{other.hands_mm:.0f} mm; learned apart, they stay"
         )
     if worst is not None:
-        print(join_line(worst))
+        print(libraries.join_line(worst))
     for warning in warnings(learned.recipe):
         print(f"warning: {warning} {recipe}")
     print(*map(str, learned.candidates), sep="\n", end="\n" if learned.candidates else "")
@@ -105,13 +98,10 @@ def report_recordings(
     _print_judged(judge)
 
 
-def _compared(candidates: Sequence[Candidate]) -> dict[str, Any]:
+def _common_fields(worst: Join | None, candidates: Sequence[Candidate], judge: Judge) -> dict[str, Any]:
     rows = [{"network": kind_of(one.recipe)} | asdict(one) for one in candidates]
-    return {"candidates": [row | {"recipe": msgspec.to_builtins(row["recipe"])} for row in rows]} if rows else {}
-
-
-def _judged(judge: Judge) -> dict[str, Any]:
-    return {"verdicts": [verdict.row() for verdict in judge()]}
+    compared = {"candidates": [row | {"recipe": msgspec.to_builtins(row["recipe"])} for row in rows]} if rows else {}
+    return {"worst_join": libraries.join_fields(worst)} | compared | {"verdicts": [one.row() for one in judge()]}
 
 
 def _print_judged(judge: Judge) -> None:
@@ -122,21 +112,13 @@ def _print_judged(judge: Judge) -> None:
 def _compare(library: MotionLibrary, training_set: TrainingSet, every: int) -> list[dict[str, Any]]:
     """Distance of each motion from its recording at its anchors, mm (eqs 20 to 27), and its network's sizes."""
     network, rows = library.network, []
-    for name in training_set.frames:
-        played, recorded = _places(library, training_set, name, every)
-        row: dict[str, Any] = {"motion": name, "mean_mm": mean_absolute(played, recorded)}
-        row |= {"joint_mm": mean_distance(played, recorded)}
-        row |= {"relative_accuracy": float(relative_accuracy(played, recorded).mean())}
-        rows.append(row | network.sizes(name))
+    for name, frames in training_set.frames.items():
+        anchors = network.recall(name), frames[::every]
+        places = [joint_features(library.encoding, own)[:, :-1].reshape(len(own), -1, 3) for own in anchors]
+        both = [one[: min(map(len, places))] for one in places]  # joints from the root, as played and as recorded, mm
+        row: dict[str, Any] = {"motion": name, "mean_mm": mean_absolute(*both), "joint_mm": mean_distance(*both)}
+        rows.append(row | {"relative_accuracy": float(relative_accuracy(*both).mean())} | network.sizes(name))
     return rows
-
-
-def _places(library: MotionLibrary, training_set: TrainingSet, motion: str, every: int) -> tuple[Array, Array]:
-    """Joints relative to the root at the anchors of a motion, as played and as recorded, shape (A, J, 3) each, mm."""
-    anchors = library.network.recall(motion), training_set.frames[motion][::every]
-    places = [joint_features(library.encoding, channels)[:, :-1].reshape(len(channels), -1, 3) for channels in anchors]
-    played, recorded = (one[: min(map(len, places))] for one in places)
-    return played, recorded
 
 
 def _print_closeness(library: MotionLibrary, parts: dict[str, LearnedPart], rows: list[dict[str, Any]]) -> None:
@@ -146,7 +128,7 @@ def _print_closeness(library: MotionLibrary, parts: dict[str, LearnedPart], rows
     if parts:
         headings[1:1] = ["of the recording", "seam"]
         for row in cells:
-            row[1:1] = [part_of(parts[row[0]]), seam_of(parts[row[0]])]
+            row[1:1] = [libraries.part_of(parts[row[0]]), libraries.seam_of(parts[row[0]])]
     show_table(headings, cells, title="anchors beside the frames that were trained, seen from the root")
 
 
@@ -157,7 +139,7 @@ def _rows(learned: LearnedLibrary) -> list[dict[str, Any]]:
             "file": str(motion.file),
             "plays": motion.plays or None,
             "seconds": motion.seconds if motion.part else None,
-            **part_fields(motion.part),
+            **libraries.part_fields(motion.part),
             "error_mm": motion.info.error_mm if motion.info else None,
             "against_recording": motion.info and msgspec.to_builtins(motion.info.against_recording),
             "passed": motion.passed,
@@ -175,7 +157,8 @@ def _print(learned: LearnedLibrary) -> None:
         verdict = "[green]passed[/]" if motion.passed else "[red]failed[/]" if motion.plays else "[red]left out[/]"
         figures = ("", "", "", "")
         if motion.part is not None:
-            figures = (motion.plays, f"{motion.seconds:.2f}", part_of(motion.part), seam_of(motion.part))
+            part, seam = libraries.part_of(motion.part), libraries.seam_of(motion.part)
+            figures = (motion.plays, f"{motion.seconds:.2f}", part, seam)
         rows.append((motion.name, *figures, verdict))
     show_table(
         ("motion", "plays", "seconds", "of the recording", "best seam", "verdict"),
@@ -183,7 +166,7 @@ def _print(learned: LearnedLibrary) -> None:
         title=f"{learned.library.info.name}: {counted(len(learned.library.info.motions), 'motion')}",
         left=("plays", "verdict"),
     )
-    print_errors(motion.info for motion in learned.motions if motion.info is not None)
+    libraries.print_errors(motion.info for motion in learned.motions if motion.info is not None)
     for motion in learned.motions:
         if motion.plays and not motion.file.stem.isascii():  # the name is unlike the file's
             print(f"{motion.name}: learned from {motion.file.name}")

@@ -11,7 +11,6 @@ from typer import Argument, Option
 
 from motiondeck.cli.common.options import JsonOption, Reading, check_ending, grouped
 from motiondeck_base.errors import FileFormatError, MotiondeckError
-from motiondeck_base.files import check_folder
 from motiondeck_base.progress import progress
 from motiondeck_base.shipped import find_library, shipped_configs
 
@@ -137,10 +136,9 @@ def bake(
 
     path, file = find_library(library), find_robot(robot)
     target = out or baked_file(path, file)
-    check_ending(target, "a library")
     if out is None:
         target.parent.mkdir(parents=True, exist_ok=True)
-    check_folder(target)
+    check_ending(target, "a library")
     with progress("baking", None) as tick:
         baked = baked_for(path, file, tick)
     save_library(baked, target)
@@ -291,5 +289,4 @@ def _to_change(library: str, out: Path | None) -> tuple[Path, Path]:
         raise MotiondeckError(f"'{library}' is a shipped library, which is never changed; give --out FILE")
     target = out or path
     check_ending(target, "a library")
-    check_folder(target)
     return path, target

@@ -69,15 +69,16 @@ def preflight(
     motions = collected(judged.motions(names, where), "motions", len(names), None if as_json else print_verdict)
     switches: list[RobotVerdict] = []
     if not motions_only:
-        from motiondeck.run.sampled_motions import count_switches, switches_by_way_of
+        from motiondeck.run.sampled_motions import switches_by_way_of
 
         def failing(verdict: RobotVerdict) -> None:
             if not verdict.ok:
                 print_verdict(verdict)
 
-        direct = judged.switches(names, where)
-        switches = collected(direct, "switches", count_switches(played), None if as_json else failing)
-        switches += _by_their_parts({v.name: v for v in (*motions, *switches)}, switches_by_way_of(played), tempo)
+        direct, ways = judged.switches(names, where), switches_by_way_of(played)
+        count = len(names) * (len(names) - 1) - len(ways)
+        switches = collected(direct, "switches", count, None if as_json else failing)
+        switches += _by_their_parts({v.name: v for v in (*motions, *switches)}, ways, tempo)
     ok = all(verdict.ok for verdict in (*motions, *switches))
     errors = {name: msgspec.to_builtins(motion.against_recording) for name, motion in learned.items()}
     report = {

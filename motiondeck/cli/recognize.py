@@ -13,7 +13,6 @@ from typer import Argument, Option
 
 from motiondeck.cli.common.options import JsonOption, SkeletonOption, check_ending
 from motiondeck_base.errors import MotiondeckError
-from motiondeck_base.files import check_folder
 from motiondeck_base.progress import progress
 from motiondeck_base.words import counted
 
@@ -53,7 +52,6 @@ def train(
     from controller.learning.recognition.recognizer import save_recognizer, train_recognizer
 
     check_ending(out, "a recognizer")
-    check_folder(out)
     look = FeatureRecipe(rate=RATE, joints=tuple(name.strip() for name in joints.split(",") if name.strip()))
     dataset = read(data)
     experts = committee_recipe(STRETCHES, neurons=NEURONS, groups=GROUPS, seed=1)

@@ -26,16 +26,16 @@ from controller.loop.output_channel import Channel
 from controller.loop.permissions import handed_back, leave_core
 from controller.loop.safety.compiled_envelope import safety_envelope
 from controller.loop.stop_requests import StopRequest, stop_on_signals
+from controller.loop.stop_state import STOP_DOOR
 from controller.motion.clip import Clip
 from controller.motion.rotations import Array
-from controller.motion.skeleton import Skeleton
 from controller.wire.command_socket import CommandServer
 from controller.wire.leader_link import LeaderLink
 from controller.wire.stop_door import StopDoor
 from motiondeck.run.beside.child_process import Children, PageProcess, child_process, kept_tty, page_process
 from motiondeck.run.report import RunNews
 from motiondeck.run.robots.robot_on_deck import RobotOnDeck, channels_of
-from motiondeck.run.session import Session, WiredStopWatch
+from motiondeck.run.session import Session, watch_wire
 from motiondeck.run.spec.program import Timed
 from motiondeck.run.spec.run_spec import RunSpec, is_emulated
 from motiondeck_base.shipped import find_rig
@@ -77,12 +77,6 @@ class Played:
     def name(self) -> str:
         """The name of the source."""
         return self.source.info.name if isinstance(self.source, MotionLibrary) else self.source.name
-
-    def human(self, deck: PlayableDeck) -> Skeleton | None:
-        """The skeleton whose motion the page shows beside the robot."""
-        # Of a recorded run only the human's root is known, and joints taught by hand were never a human's.
-        unknown = isinstance(deck, RecordedDeck) or self.source.skeleton.is_rig
-        return None if unknown else self.source.skeleton
 
 
 @contextmanager
@@ -126,12 +120,14 @@ def _assemble(opening: ExitStack, stop: StopRequest, spec: RunSpec, played: Play
     guarded = [output.guarded for output in rigs if output.guarded is not None]
     for rig in guarded:
         rig.stop = stop.state
-    door = wired = None
+    wired, stops = None, list[Callable[[StopRequest], None]]()
     if guarded:
         guarded[0].watch_stops(port, str(spec.stop_input) if spec.stop_input is not None else None)
         wired = guarded[0].wire
+        stops.append(lambda stop: stop.state.count(STOP_DOOR, guarded[0].door_presses))
     else:
         door = opening.enter_context(closing(StopDoor(port)))
+        stops.append(lambda stop: stop.state.count(STOP_DOOR, stop.state.presses.get(STOP_DOOR, 0) + door.poll()))
         if spec.stop_input is not None:
             from hardware.tools.stop_input import open_stop_input
 
@@ -189,10 +185,9 @@ def _assemble(opening: ExitStack, stop: StopRequest, spec: RunSpec, played: Play
     if page is not None:
         from motiondeck.run.page.page import Page, PageContents
 
-        human, learns = played.human(deck), host.restarts
-        contents = PageContents(
-            deck, robots, human, watch, port, played.file, servos, learns=learns, verdicts=played.verdicts
-        )
+        # Of a recorded run only the human's root is known, and joints taught by hand were never a human's.
+        human = None if isinstance(deck, RecordedDeck) or played.source.skeleton.is_rig else played.source.skeleton
+        contents = PageContents(deck, robots, human, watch, port, played.file, servos, host.restarts, played.verdicts)
         shown = opening.enter_context(Page.open(page.state, contents))
     recorder = _recorder(opening, spec, played, first, deck, watch)
     if recorder is not None:
@@ -200,6 +195,8 @@ def _assemble(opening: ExitStack, stop: StopRequest, spec: RunSpec, played: Play
     run = CommandedRun(deck, servos, body, host.restarts, ticker, snapshots=snapshots)
     handler = CommandHandler(run, servers, recorder.note if recorder is not None else None)
     seen = (lambda: watch.seen) if watch is not None else None
+    if wired is not None:
+        stops.append(watch_wire(wired, handler))
     session = Session(
         spec=spec,
         source=played.name,
@@ -216,12 +213,11 @@ def _assemble(opening: ExitStack, stop: StopRequest, spec: RunSpec, played: Play
         children=children,
         command_port=port,
         page_port=page.port if page is not None else None,
-        door=door,
-        guarded=guarded,
+        stops=stops,
+        guarded=bool(guarded),
         page=shown,
         recorder=recorder,
         watch=watch,
-        wired_stop=WiredStopWatch(wired, handler) if wired is not None else None,
         lead=lead,
         correction=correction,
         timeline=list(played.timeline),

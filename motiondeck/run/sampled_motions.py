@@ -28,7 +28,12 @@ def play_motions(library: MotionLibrary, robot: Robot, names: Sequence[str] | No
         if motion.loop:
             for _ in range(round(SETTLED / DT)):
                 deck.update(DT)
-        yield _played(motion.name, deck, max(2, round(motion.seconds / DT)), loop=motion.loop)
+        targets, poses = [], []
+        for _ in range(max(2, round(motion.seconds / DT))):
+            joints, pose = deck.update(DT)
+            targets.append(joints.copy())
+            poses.append(pose)
+        yield PlayedMotion(motion.name, motion.loop, np.array(targets), tuple(poses))
 
 
 def play_switches(library: MotionLibrary, robot: Robot, names: Sequence[str] | None = None) -> Iterator[PlayedMotion]:
@@ -68,32 +73,14 @@ def switches_by_way_of(library: MotionLibrary) -> dict[tuple[str, str], tuple[st
     return {(a, b): way for a, b in pairs if (way := routes.way(a, b))}
 
 
-def count_switches(library: MotionLibrary) -> int:
-    """The number of switches that `play_switches` yields."""
-    motions = len(read_motions(library))
-    return motions * (motions - 1) - len(switches_by_way_of(library))
-
-
 def _copied(what: T, robot: Robot) -> T:
     """A deep copy that shares the robot's model, which nothing changes: with meshes it is large."""
     return deepcopy(what, {id(robot.model): robot.model})
 
 
-def _played(name: str, deck: Deck, count: int, *, loop: bool) -> PlayedMotion:
-    targets, poses = [], []
-    for _ in range(count):
-        joints, pose = deck.update(DT)
-        targets.append(joints.copy())
-        poses.append(pose)
-    return PlayedMotion(name, loop, np.array(targets), tuple(poses))
-
-
 def as_clip(library: MotionLibrary, motion: str, seconds: float, rate: float) -> Clip:
     """One motion of a library as a clip of a length, s, at a rate, Hz."""
     deck = Deck(library, lambda pose: np.zeros(0), motion)  # only its poses are needed
-    places, turns = [], []
-    for _ in range(round(seconds * rate)):
-        _, pose = deck.update(1.0 / rate)
-        places.append(pose.root_position.copy())
-        turns.append(pose.rotation.copy())
-    return Clip(motion, library.skeleton, rate, np.array(places), np.array(turns))
+    poses = [deck.update(1.0 / rate)[1] for _ in range(round(seconds * rate))]
+    places, turns = np.array([pose.root_position for pose in poses]), np.array([pose.rotation for pose in poses])
+    return Clip(motion, library.skeleton, rate, places, turns)

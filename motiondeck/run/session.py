@@ -22,10 +22,9 @@ from controller.loop.loop import LoopState, run
 from controller.loop.output_channel import Channel
 from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.loop.stop_requests import StopRequest
-from controller.loop.stop_state import STOP_DOOR, StopState, WiredStop
+from controller.loop.stop_state import WiredStop
 from controller.motion.rotations import Array
 from controller.wire.messages.replies import Refused
-from controller.wire.stop_door import StopDoor
 from motiondeck.run.beside.child_process import Children
 from motiondeck.run.report import RunNews, progress_line, run_report
 from motiondeck.run.robots.robot_on_deck import RobotOnDeck
@@ -35,7 +34,6 @@ from sim.robots.verdict import RobotVerdict
 
 if TYPE_CHECKING:  # page, recorder and recognition are imported by a run that has them
     from motiondeck.run.beside.tick_recorder import TickRecorder
-    from motiondeck.run.guard.guarded_rig import GuardedRig
     from motiondeck.run.page.page import Page
     from motiondeck.run.recognition.watches import Watch
 
@@ -44,20 +42,19 @@ PICTURE_HZ = 50.0
 HEALTH_EVERY = 12  # pictures
 
 
-class WiredStopWatch:
-    """Passes on what a wired stop does, and reports each pull."""
+def watch_wire(wired: WiredStop, handler: CommandHandler) -> Callable[[StopRequest], None]:
+    """What passes on what a wired stop has done since the last call, and reports each pull."""
+    before = 0
 
-    def __init__(self, wired: WiredStop, handler: CommandHandler) -> None:
-        self._wired, self._handler, self._pulls = wired, handler, 0
-
-    def poll(self, state: StopState) -> None:
-        """Passes on what has happened since the last call."""
-        wired, before = self._wired, self._pulls
-        self._pulls = wired.pulls
-        state.watch(wired)
+    def poll(stop: StopRequest) -> None:
+        nonlocal before
+        stop.state.watch(wired)
         if wired.pulls != before:
-            self._handler.notify("fault", f"the emergency stop at {wired.name} was pulled")
+            before = wired.pulls
+            handler.notify("fault", f"the emergency stop at {wired.name} was pulled")
             print(f"motiondeck: the emergency stop at {wired.name} was pulled", file=sys.stderr)
+
+    return poll
 
 
 @dataclass
@@ -80,13 +77,12 @@ class Session:
     children: Children
     command_port: int
     page_port: int | None = None  # where the page is; None for no page
-    door: StopDoor | None = None  # None, as of the next ones, where the run has none
-    # The rigs that are behind a guard; the first guard has the stop door and the wired stop.
-    guarded: Sequence[GuardedRig] = ()
-    page: Page | None = None
+    # What passes on the presses of each source of the emergency stop; with a rig its guard counts them.
+    stops: Sequence[Callable[[StopRequest], None]] = ()
+    guarded: bool = False  # whether a rig is behind a guard
+    page: Page | None = None  # None, as of the next ones, where the run has none
     recorder: TickRecorder | None = None
     watch: Watch | None = None
-    wired_stop: WiredStopWatch | None = None
     lead: Lead | None = None
     correction: Correction | None = None
     verdicts: Mapping[str, RobotVerdict] = field(default_factory=dict[str, RobotVerdict])  # by motion, those kept
@@ -116,7 +112,7 @@ class Session:
                 seconds=spec.seconds if spec.seconds is not None else float("inf"),
                 rest=np.concatenate(rests) if len(rests) == len(self.robots) else None,
                 commands=self._carry_out_commands,
-                stops=self._stops(),
+                stops=self.stops,
                 publish=self._publish,
                 publish_every=1 if self.recorder or self.watch else self._ticks_a_picture,
                 stop=self.stop,
@@ -146,22 +142,10 @@ class Session:
             self._permissions.append(permissions.request_core(self.spec.core))
         if self.spec.realtime or self.spec.drives_servos:
             # The guard of a rig goes before the deck.
-            priority = permissions.FIFO_PRIORITY - bool(self.guarded)
+            priority = permissions.FIFO_PRIORITY - self.guarded
             self._permissions += [*permissions.request_realtime(priority), permissions.request_one_blas_thread()]
         for line in permissions.permission_lines(self._permissions):
             print(line, file=sys.stderr)
-
-    def _stops(self) -> list[Callable[[StopRequest], None]]:
-        """What passes on the presses of each source of the emergency stop; with a rig its guard counts them."""
-        door, guarded, wired = self.door, self.guarded, self.wired_stop
-        stops = list[Callable[[StopRequest], None]]()
-        if door is not None:
-            stops.append(lambda stop: stop.state.count(STOP_DOOR, stop.state.presses.get(STOP_DOOR, 0) + door.poll()))
-        if guarded:
-            stops.append(lambda stop: stop.state.count(STOP_DOOR, guarded[0].door_presses))
-        if wired is not None:
-            stops.append(lambda stop: wired.poll(stop.state))
-        return stops
 
     def _carry_out_commands(self, stop: StopRequest) -> None:
         while self.timeline and self.timeline[0].at <= self.deck.time:

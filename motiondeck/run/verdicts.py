@@ -55,33 +55,29 @@ class Judged:
         return cls(find_library(library), find_robot(robot), find_rig(rig) if rig is not None else None, **settings)
 
     def motions(self, names: Sequence[str], jobs: Jobs | None = None) -> Iterator[RobotVerdict]:
-        """Verdicts on motions, in order, each as soon as it is known; they are played in physics too."""
-        yield from self._each(names, jobs)
-
-    def switches(self, names: Sequence[str], jobs: Jobs | None = None) -> Iterator[RobotVerdict]:
-        """Verdicts on the direct switches from motions, in order, each as soon as it is known."""
-        yield from self._each([f"{name} >" for name in names], jobs)
-
-    def kept(self) -> dict[str, RobotVerdict]:
-        """The verdicts on motions that have been made, by motion."""
-        known = _read(self._file).get(self._key, {}) if self._file.exists() else {}
-        return {row: verdicts[0] for row, verdicts in known.items() if not row.endswith(">")}
-
-    def _each(self, rows: Sequence[str], jobs: Jobs | None) -> Iterator[RobotVerdict]:
-        """The verdicts of some rows of the table; those that are made now are kept one by one."""
+        """Verdicts on motions, in order, each as soon as it is known and kept; they are played in physics too."""
         from joblib import cpu_count, delayed
 
         from motiondeck_base.jobs import Jobs, spread
 
         known = _read(self._file).get(self._key, {})
-        new = [row for row in rows if row not in known]
+        new = [name for name in names if name not in known]
         where = jobs or Jobs(max(1, min(cpu_count(), len(new) // PER_PROCESS)))
-        made = spread((delayed(_judge)(self, row) for row in new), where)
-        for row in rows:
-            if row not in known:
-                known[row] = next(made)
-                self._keep(row, known[row])
-            yield from known[row]
+        made = spread((delayed(_judge)(self, name) for name in new), where)
+        for name in names:
+            if name not in known:
+                known[name] = next(made)
+                self._keep(name, known[name])
+            yield from known[name]
+
+    def switches(self, names: Sequence[str], jobs: Jobs | None = None) -> Iterator[RobotVerdict]:
+        """Verdicts on the direct switches from motions, in order, each as soon as it is known and kept."""
+        return self.motions([f"{name} >" for name in names], jobs)
+
+    def kept(self) -> dict[str, RobotVerdict]:
+        """The verdicts on motions that have been made, by motion."""
+        known = _read(self._file).get(self._key, {}) if self._file.exists() else {}
+        return {row: verdicts[0] for row, verdicts in known.items() if not row.endswith(">")}
 
     @property
     def _file(self) -> Path:

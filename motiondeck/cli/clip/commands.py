@@ -11,17 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer import Argument, Option
 
-from motiondeck.cli.common.options import (
-    PAGE_PORT,
-    GroundOption,
-    JsonOption,
-    PagePortOption,
-    Reading,
-    SkeletonOption,
-    check_other,
-    ground_of,
-    grouped,
-)
+from motiondeck.cli.common import options as shared
+from motiondeck.cli.common.options import JsonOption, Reading, SkeletonOption, grouped
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.files import check_folder, write_file
 from motiondeck_base.progress import progress
@@ -38,7 +29,9 @@ FileArgument = Annotated[Path, Argument(metavar="FILE", help="A recording of any
 
 @app.command("show")
 @grouped
-def show(file: FileArgument, reading: Reading, ground: GroundOption = "auto", as_json: JsonOption = False) -> None:
+def show(
+    file: FileArgument, reading: Reading, ground: shared.GroundOption = "auto", as_json: JsonOption = False
+) -> None:
     """Show the body, rate, length and path of a recording.
 
     For markers also the gaps and the fit. The table shows which bone was taken for which part of the body; doubts about
@@ -50,7 +43,7 @@ def show(file: FileArgument, reading: Reading, ground: GroundOption = "auto", as
     from controller.learning.recording_analysis import with_steps
     from motiondeck.cli.clip.clip_facts import facts, joint_facts
 
-    recording = _read(file, with_steps(replace(reading.options(), ground=ground_of(ground))))
+    recording = _read(file, with_steps(replace(reading.options(), ground=shared.ground_of(ground))))
     is_rig = recording.clip.skeleton.is_rig
     known = joint_facts(recording.clip) if is_rig else facts(recording)
     if as_json:
@@ -99,7 +92,7 @@ def convert(
       motiondeck clip convert wink.toml wink-left.clip --mirror --skeleton head.toml
       motiondeck clip convert dance.c3d filled.c3d --fill
     """
-    check_other(file, out)
+    shared.check_other(file, out)
     check_folder(out)
     if fill:
         if mirror or begin or end is not None or reading != Reading():
@@ -145,7 +138,7 @@ def complete(
 
     Example:  motiondeck clip complete trackers.csv body.bvh --like walks/ --height 1.78
     """
-    check_other(file, out)
+    shared.check_other(file, out)
     check_folder(out)
     from controller.learning.completion import complete_recording
     from controller.motion.formats.reading import recordings_in
@@ -191,7 +184,7 @@ def view(
     reading: Reading,
     robot: Annotated[str | None, Option(metavar="ROBOT", help="A robot beside the human that follows it.")] = None,
     video: Annotated[Path | None, Option(metavar="FILM", help="Film it off screen instead: .mp4 or .gif.")] = None,
-    port: PagePortOption = PAGE_PORT,
+    port: shared.PagePortOption = shared.PAGE_PORT,
 ) -> None:
     """View a recording in the browser, alone or beside a robot.
 
@@ -296,6 +289,7 @@ def _fill_markers(file: Path, out: Path, as_json: bool) -> None:
     from controller.learning.centralized.reconstruction import fill_missing, gaps_of
     from controller.motion.formats.markers.c3d import read_c3d, with_points
     from controller.motion.formats.writing import csv_text
+    from motiondeck.cli.common.tables import show_table
 
     if file.suffix.lower() != ".c3d":
         raise MotiondeckError(f"{file}: only markers (.c3d) have gaps; other recordings hold whole skeletons")
@@ -312,7 +306,13 @@ def _fill_markers(file: Path, out: Path, as_json: bool) -> None:
     if as_json:
         print(json.dumps({"file": str(file), "written": str(out), "markers": rows}))
         return
-    _print_gaps(rows)
+    cells = []
+    for row in rows:
+        expected = "-" if row["expected_mm"] is None else f"{row['expected_mm']:.1f}"
+        still = ", ".join(f"{first} to {end - 1}" for first, end in row["open"])
+        counts = (str(row["gaps"]), str(row["frames"]), f"{row['longest_s']:.2f}")
+        cells.append((row["marker"], *counts, expected, ", ".join(row["by"]) or "-", still or "-"))
+    show_table(("marker", "gaps", "frames", "longest, s", "expected, mm", "filled by", "still open, frames"), cells)
     print(f"wrote {out} ({sum(gap.filled for gap in gaps)} of {len(gaps)} gaps filled)")
 
 
@@ -329,15 +329,3 @@ def _by_marker(markers: Markers, gaps: list[Gap]) -> list[dict[str, Any]]:
         row |= {"by": sorted({gap.by for gap in own if gap.by is not None})}
         rows.append(row | {"open": [[gap.first, gap.end] for gap in own if not gap.filled]})
     return rows
-
-
-def _print_gaps(rows: list[dict[str, Any]]) -> None:
-    from motiondeck.cli.common.tables import show_table
-
-    cells = []
-    for row in rows:
-        expected = "-" if row["expected_mm"] is None else f"{row['expected_mm']:.1f}"
-        still = ", ".join(f"{first} to {end - 1}" for first, end in row["open"])
-        counts = (str(row["gaps"]), str(row["frames"]), f"{row['longest_s']:.2f}")
-        cells.append((row["marker"], *counts, expected, ", ".join(row["by"]) or "-", still or "-"))
-    show_table(("marker", "gaps", "frames", "longest, s", "expected, mm", "filled by", "still open, frames"), cells)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from typer import Option
 
 from motiondeck_base.errors import MotiondeckError
-from motiondeck_base.files import as_float
+from motiondeck_base.files import as_float, check_folder
 
 if TYPE_CHECKING:
     from controller.motion.clip import ReadingOptions
@@ -94,9 +94,10 @@ def check_new(*files: Path, force: bool, hint: str = "") -> None:
 
 
 def check_ending(file: Path, what: str) -> None:
-    """Checks the ending of a file to write, so that no mistake replaces a recording; MotiondeckError for another."""
+    """Checks that a file to write ends as it must, lest a recording is replaced, and has a folder; MotiondeckError."""
     if file.suffix.lower() != ".safetensors":
         raise MotiondeckError(f"{file}: {what} ends in .safetensors. Name the file so.")
+    check_folder(file)
 
 
 def check_plot(plot: Path | None) -> None:

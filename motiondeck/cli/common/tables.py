@@ -61,12 +61,7 @@ def show_facts(facts: Mapping[str, str]) -> None:
 
 
 def deliver(
-    table: Table,
-    *,
-    csv_file: Path | None = None,
-    plot: Path | None = None,
-    draw: Callable[[Table, Path], None],
-    as_json: bool = False,
+    table: Table, *, csv_file: Path | None, plot: Path | None, draw: Callable[[Table, Path], None], as_json: bool
 ) -> None:
     """Prints measurements as a table or as JSON; writes them as CSV and draws them where a file is given.
 

@@ -1,6 +1,6 @@
 """Verdicts as text: a line for each as it is made, then a table, what fails at every tempo, and what helps."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 from motiondeck.cli.common.tables import show_table
@@ -30,8 +30,14 @@ def print_verdicts(verdicts: Sequence[RobotVerdict], title: str) -> None:
     headings = ("", "verdict", *QUESTIONS)
     show_table(headings, rows, title=f"{title}: {summed(verdicts)}", left=headings)
     _print_obstacles(verdicts)
-    for note in _unjudged(verdicts):
-        print(note)
+    found = {finding.check: finding for finding in verdicts[0].findings} if verdicts else {}
+    if "joints of unknown torque" in found:
+        print(
+            f"Torque is not judged for {found['joints of unknown torque'].figure}: the robot's files give no limit "
+            "(URDF: effort; MJCF: forcerange; robot file: `torque`, [servo]), so unlimited torque is assumed."
+        )
+    if found and "heat in 10 min" not in found:
+        print("Heat is not judged: the robot file has no table [servo].")
 
 
 def _coloured(words: str) -> str:
@@ -55,15 +61,3 @@ def _print_obstacles(verdicts: Sequence[RobotVerdict]) -> None:
     show_table(headings, rows, title="failures at every tempo", left={"check", "where", "why"})
     for check in dict.fromkeys(finding.check for _, finding in blocked):
         print(f"{check}: {REMEDIES[check]}.")
-
-
-def _unjudged(verdicts: Sequence[RobotVerdict]) -> Iterator[str]:
-    """What is not judged because the robot's files have no strength of its servos."""
-    found = {finding.check: finding for finding in verdicts[0].findings} if verdicts else {}
-    if "joints of unknown torque" in found:
-        yield (
-            f"Torque is not judged for {found['joints of unknown torque'].figure}: the robot's files give no limit "
-            "(URDF: effort; MJCF: forcerange; robot file: `torque`, [servo]), so unlimited torque is assumed."
-        )
-    if found and "heat in 10 min" not in found:
-        yield "Heat is not judged: the robot file has no table [servo]."

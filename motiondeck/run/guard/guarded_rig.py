@@ -146,15 +146,15 @@ class GuardedRig:
 
     def registers(self, joint: int, write: tuple[str, int] | None = None) -> Awaited:
         """Has all registers of a servo read, and before that a count written into one of them."""
-        return self._ask(messages.QueryRegisters(next(self._numbers), joint, write))
+        return self._ask(joint, write)
 
     def scan(self) -> Awaited:
         """Has every ID on the ports asked."""
-        return self._ask(messages.QueryPorts(next(self._numbers)))
+        return self._ask()
 
-    def _ask(self, query: messages.QueryRegisters | messages.QueryPorts) -> Awaited:
-        self._link.send(query)
-        came = self._asked[query.number] = []
+    def _ask(self, joint: int | None = None, write: tuple[str, int] | None = None) -> Awaited:
+        self._link.send(messages.QueryServos(number := next(self._numbers), joint, write))
+        came = self._asked[number] = []
         return lambda: came[0] if came else None
 
     @property

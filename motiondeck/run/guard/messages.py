@@ -47,18 +47,12 @@ class ServoDeed(msgspec.Struct, frozen=True, tag="deed"):
     method: Literal["switch_off", "set_up_again", "restart"]
 
 
-class QueryRegisters(msgspec.Struct, frozen=True, tag="registers"):
-    """Reads all registers of a joint's servo, and before that writes a count into one."""
+class QueryServos(msgspec.Struct, frozen=True, tag="query"):
+    """Reads all registers of a joint's servo, after a count is written into one; or scans the ports for servos."""
 
     number: int
-    joint: int
-    write: tuple[str, int] | None
-
-
-class QueryPorts(msgspec.Struct, frozen=True, tag="scan"):
-    """Scans the ports for servos."""
-
-    number: int
+    joint: int | None = None  # None for a scan
+    write: tuple[str, int] | None = None
 
 
 class QueryReport(msgspec.Struct, frozen=True, tag="report?"):
@@ -69,7 +63,7 @@ class CloseRig(msgspec.Struct, frozen=True, tag="close"):
     """Ends the rig as its file says, once the joints are at rest."""
 
 
-Request = Begin | WatchStops | ServoDeed | QueryRegisters | QueryPorts | QueryReport | CloseRig
+Request = Begin | WatchStops | ServoDeed | QueryServos | QueryReport | CloseRig
 
 
 class Connected(msgspec.Struct, frozen=True, tag="ready"):

@@ -95,14 +95,14 @@ class GuardService:
                 self._watch(request)
             case messages.ServoDeed(joint=joint, method=method):
                 getattr(rig, method)(joint)
-            case messages.QueryRegisters() | messages.QueryPorts():
+            case messages.QueryServos(number=number, joint=joint, write=write):
                 try:
-                    if isinstance(request, messages.QueryPorts):
-                        self._scans.append((request.number, rig.scan()))
+                    if joint is None:
+                        self._scans.append((number, rig.scan()))
                     else:
-                        self._readings.append((request.number, rig.registers(request.joint, request.write)))
+                        self._readings.append((number, rig.registers(joint, write)))
                 except MotiondeckError as error:
-                    link.send(messages.ServoAnswer(request.number, Refused(str(error))))
+                    link.send(messages.ServoAnswer(number, Refused(str(error))))
             case Begin():
                 pass  # it is the first message
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -52,15 +52,14 @@ class _File(msgspec.Struct, forbid_unknown_fields=True):
     commands: list[_Line] = []
 
 
-def read_timeline(path: Path, motions: Iterable[str]) -> tuple[str, list[Timed]]:
+def read_timeline(path: Path, motions: Sequence[str]) -> tuple[str, list[Timed]]:
     """The first motion of a timeline file, and its commands in the order of their times; it may name these motions.
 
     FileFormatError names the file, the command that is wrong, and what it should be.
     """
-    known = list(motions)
     file = read_toml(path, _File)
-    if file.motion not in known:
-        raise FileFormatError(f"{path}: {UnknownNameError.among('motion', file.motion, known)}")
+    if file.motion not in motions:
+        raise FileFormatError(f"{path}: {UnknownNameError.among('motion', file.motion, motions)}")
     timeline: list[Timed] = []
     for number, line in enumerate(file.commands, start=1):
         place = f"{path}, command {number}"
@@ -72,46 +71,41 @@ def read_timeline(path: Path, motions: Iterable[str]) -> tuple[str, list[Timed]]
         except CommandError as error:
             raise FileFormatError(f"{place}: {error}") from None
         for name in message.motions:
-            if name not in known:
-                raise FileFormatError(f"{place}: {UnknownNameError.among('motion', name, known)}")
+            if name not in motions:
+                raise FileFormatError(f"{place}: {UnknownNameError.among('motion', name, motions)}")
         timeline.append(Timed(line.at, message))
     return file.motion, sorted(timeline, key=lambda timed: timed.at)
 
 
-def parse_script(text: str, motions: Iterable[str]) -> tuple[str, list[Timed], float | None]:
+def parse_script(text: str, motions: Sequence[str]) -> tuple[str, list[Timed], float | None]:
     """The first motion of a script, its switches, and its length in s, if its last part gives seconds.
 
     It is motions separated by commas, each but the last followed by its seconds; those of the last may be left out.
     MotiondeckError names the part that is wrong and what it should be.
     """
-    known = list(motions)
     timeline, at = list[Timed](), 0.0
     parts = [part.split() for part in text.split(",")]
     for place, words in enumerate(parts, start=1):
         last = place == len(parts)
-        if words and words[0] not in known and (words[0] in BY_WORD or Path(words[0]).suffix):
+        if words and words[0] not in motions and (words[0] in BY_WORD or Path(words[0]).suffix):
             raise MotiondeckError(
                 f"script, part {place}: '{words[0]}' is no motion. Commands go into a timeline file, whose name ends "
                 "in .toml (docs/deck.md, Timeline files)"
             )
         if not 1 <= len(words) <= 2:
             raise MotiondeckError(f"script, part {place}: '{' '.join(words)}' is not MOTION SECONDS, as in 'walk 4'")
-        if words[0] not in known:
-            raise UnknownNameError(f"script, part {place}: {UnknownNameError.among('motion', words[0], known)}")
+        if words[0] not in motions:
+            raise UnknownNameError(f"script, part {place}: {UnknownNameError.among('motion', words[0], motions)}")
         if len(words) == 1 and not last:
             raise MotiondeckError(
                 f"script, part {place}: give its seconds, as in '{words[0]} 4'; only the last part may go without"
             )
         timeline.append(Timed(at, Switch(words[0])))
-        at += _seconds(words[1], place) if len(words) == 2 else 0.0
+        for word in words[1:]:
+            if (seconds := as_float(word)) is None or not 0.0 < seconds < 1e6:
+                raise MotiondeckError(f"script, part {place}: '{word}' is not a number of seconds above 0")
+            at += seconds
     return parts[0][0], timeline[1:], at if at > timeline[-1].at else None
-
-
-def _seconds(word: str, place: int) -> float:
-    seconds = as_float(word)
-    if seconds is None or not 0.0 < seconds < 1e6:
-        raise MotiondeckError(f"script, part {place}: '{word}' is not a number of seconds above 0")
-    return seconds
 
 
 TIMED_FRAMES = 100

@@ -39,7 +39,7 @@ from controller.wire.messages.commands import (
     encode,
 )
 from controller.wire.messages.replies import Accepted, Event, PhaseNow, Refused, Registers, State
-from motiondeck.run.session import WiredStopWatch
+from motiondeck.run.session import watch_wire
 
 
 class Deck:
@@ -266,38 +266,38 @@ class Wired:
 
 def test_a_wired_stop_stops_and_while_it_is_pulled_a_reset_is_in_vain(desk, capsys):
     wired = Wired()
-    watch = WiredStopWatch(wired, desk.desk)
-    watch.poll(desk.stop.state)
+    watch = watch_wire(wired, desk.desk)
+    watch(desk.stop)
     assert not desk.stop.emergency
     wired.pulled, wired.pulls = True, 1
-    watch.poll(desk.stop.state)
+    watch(desk.stop)
     assert desk.stop.emergency
     assert "/dev/ttyUSB1 was pulled" in capsys.readouterr().err
     desk.stop.state.rested()
     refused = desk.ask(Reset())
     assert isinstance(refused, Refused)
     assert "/dev/ttyUSB1 is still pulled" in refused.reason
-    watch.poll(desk.stop.state)
+    watch(desk.stop)
     assert desk.stop.emergency
     wired.pulled = False
-    watch.poll(desk.stop.state)
+    watch(desk.stop)
     assert desk.stop.emergency, "it is latched"
     assert isinstance(desk.ask(Reset()), Accepted)
-    watch.poll(desk.stop.state)
+    watch(desk.stop)
     assert not desk.stop.emergency
     wired.pulls = 2  # a key that was let go again before anybody looked
-    watch.poll(desk.stop.state)
+    watch(desk.stop)
     assert desk.stop.emergency
 
 
 def test_each_pull_of_a_wired_stop_is_a_new_emergency_stop(desk):
     """In a show a deck that was reset meanwhile stops again."""
     wired = Wired()
-    watch = WiredStopWatch(wired, desk.desk)
+    watch = watch_wire(wired, desk.desk)
     presses = []
     for pulled, pulls in ((True, 1), (True, 1), (False, 1), (True, 2), (True, 2), (False, 3)):
         wired.pulled, wired.pulls = pulled, pulls
-        watch.poll(desk.stop.state)
+        watch(desk.stop)
         presses.append(desk.stop.state.total)
     assert presses == [1, 1, 1, 2, 2, 3]
 
