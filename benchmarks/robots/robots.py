@@ -120,7 +120,7 @@ def measured(name: str, file: Path, clips: list[Clip], each: bool) -> Iterator[d
         poses = [Pose(place, np.zeros(()), turn) for place, turn in zip(clip.root_position, clip.rotation, strict=True)]
         human = np.array([view(pose) for pose in poses])
         assert robot.footing is not None
-        robot.footing.flat.learn(clip)
+        robot.footing.stance.flat.learn(clip)
         for method in METHODS:
             try:
                 retarget = _begun(method, robot, parts, limbs, clip)

@@ -121,7 +121,7 @@ def carried(load: RobotLoader, points: RobotPoints, clip: Clip, person: Human, m
     """One recording on one robot, by "ours" or one of PEERS."""
     robot = load(clip.skeleton, None, 1.0 / clip.rate)
     assert robot.footing is not None
-    robot.footing.flat.learn(clip)
+    robot.footing.stance.flat.learn(clip)
     place = _ours(robot) if method == "ours" else _peer(method, load, robot, clip)
     qpos = np.empty((len(clip), robot.model.nq))
     started = 0.0

@@ -74,8 +74,12 @@ def _axes(model: mujoco.MjModel, balls: list[int]) -> list[Array]:
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     body = [int(model.jnt_bodyid[ball]) for ball in balls]
-    side = _from_side_to_side(model, data, balls)
-    found = []
+    # Between the farthest ball joints of one body, such as the hips; else y.
+    parent = {ball: int(model.body_parentid[model.jnt_bodyid[ball]]) for ball in balls}
+    ways = [data.xanchor[b] - data.xanchor[a] for a, b in combinations(balls, 2) if parent[a] == parent[b]]
+    farthest = max(ways, key=lambda way: float(np.linalg.norm(way)), default=np.zeros(3))
+    length = float(np.linalg.norm(farthest))
+    side, found = farthest / length if length > 0.0 else np.array([0.0, 1.0, 0.0]), []
     for ball, own in zip(balls, body, strict=True):
         limb = _limb(model, data, ball)
         across = np.cross(limb, side)
@@ -84,15 +88,6 @@ def _axes(model: mujoco.MjModel, balls: list[int]) -> list[Array]:
         across /= np.linalg.norm(across)
         found.append(np.array([side, across, limb]) @ data.xmat[own].reshape(3, 3))
     return found
-
-
-def _from_side_to_side(model: mujoco.MjModel, data: mujoco.MjData, balls: list[int]) -> Array:
-    """The direction between the farthest ball joints of one body, such as the hips; else y."""
-    parent = {ball: int(model.body_parentid[model.jnt_bodyid[ball]]) for ball in balls}
-    ways = [data.xanchor[b] - data.xanchor[a] for a, b in combinations(balls, 2) if parent[a] == parent[b]]
-    farthest = max(ways, key=lambda way: float(np.linalg.norm(way)), default=np.zeros(3))
-    length = float(np.linalg.norm(farthest))
-    return farthest / length if length > 0.0 else np.array([0.0, 1.0, 0.0])
 
 
 def _limb(model: mujoco.MjModel, data: mujoco.MjData, ball: int) -> Array:

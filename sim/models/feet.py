@@ -83,7 +83,12 @@ def _foot(model: mujoco.MjModel, data: mujoco.MjData, body: int) -> Foot:
     axes = np.stack([ahead, cross(up, ahead), up], axis=1)
     rounded = not np.isin(model.geom_type[geoms], (_BOX, _MESH)).any()
     if side is None or rounded:
-        low, high = _extents(model, data, body, geoms, axes)
+        low, high = np.full(3, np.inf), np.full(3, -np.inf)
+        for geom in geoms:
+            ways = axes.T @ (in_body.T @ data.geom_xmat[geom].reshape(3, 3))
+            centre = axes.T @ (in_body.T @ (data.geom_xpos[geom] - data.xpos[body]))
+            low = np.minimum(low, centre - reach(model, int(geom), -ways))
+            high = np.maximum(high, centre + reach(model, int(geom), ways))
     else:
         low, high = (side[1] @ axes).min(axis=0), (side[1] @ axes).max(axis=0)
     (back, right, bottom), (front, left, _) = low, high
@@ -126,17 +131,3 @@ def _broadest(model: mujoco.MjModel, data: mujoco.MjData, geoms: NDArray[np.intp
 
     up: Array = max((footprint(int(geom)) for geom in geoms), key=lambda pair: pair[0])[1]
     return up if in_body[2] @ up > 0.0 else -up
-
-
-def _extents(
-    model: mujoco.MjModel, data: mujoco.MjData, body: int, geoms: NDArray[np.intp], axes: Array
-) -> tuple[Array, Array]:
-    """Extents of solids along axes (3, 3), both ways from the body's origin, shape (3,) each, m."""
-    low, high = np.full(3, np.inf), np.full(3, -np.inf)
-    in_body = data.xmat[body].reshape(3, 3)
-    for geom in geoms:
-        ways = axes.T @ (in_body.T @ data.geom_xmat[geom].reshape(3, 3))
-        centre = axes.T @ (in_body.T @ (data.geom_xpos[geom] - data.xpos[body]))
-        low = np.minimum(low, centre - reach(model, int(geom), -ways))
-        high = np.maximum(high, centre + reach(model, int(geom), ways))
-    return low, high

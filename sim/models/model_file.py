@@ -234,7 +234,15 @@ def _driven(model: mujoco.MjModel) -> dict[int, int | None]:
     """The driven hinges, each with its actuator, or None if driven by tendons or cranks."""
     hinge = model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE
     driven: dict[int, int | None] = {}
-    moment = _moments(model)
+    moment = np.zeros((model.nu, model.nv))  # of actuators on tendons and cranks
+    at_a_distance = np.isin(model.actuator_trntype, _AT_A_DISTANCE)
+    if at_a_distance.any():
+        data = mujoco.MjData(model)
+        for step in (mujoco.mj_kinematics, mujoco.mj_comPos, mujoco.mj_tendon, mujoco.mj_transmission):
+            step(model, data)
+        rows = data.moment_rownnz, data.moment_rowadr
+        mujoco.mju_sparse2dense(moment, data.actuator_moment, *rows, data.moment_colind)
+        moment[~at_a_distance] = 0.0
     for actuator in range(model.nu):
         if model.actuator_trntype[actuator] in _AT_A_JOINT:
             joint = int(model.actuator_trnid[actuator, 0])
@@ -245,20 +253,6 @@ def _driven(model: mujoco.MjModel) -> dict[int, int | None]:
                 if hinge[joint]:
                     driven.setdefault(joint, None)
     return driven
-
-
-def _moments(model: mujoco.MjModel) -> np.ndarray:
-    """Moments of actuators on tendons and cranks, shape (nu, nv)."""
-    moment = np.zeros((model.nu, model.nv))
-    at_a_distance = np.isin(model.actuator_trntype, _AT_A_DISTANCE)
-    if at_a_distance.any():
-        data = mujoco.MjData(model)
-        for step in (mujoco.mj_kinematics, mujoco.mj_comPos, mujoco.mj_tendon, mujoco.mj_transmission):
-            step(model, data)
-        rows = data.moment_rownnz, data.moment_rowadr
-        mujoco.mju_sparse2dense(moment, data.actuator_moment, *rows, data.moment_colind)
-        moment[~at_a_distance] = 0.0
-    return moment
 
 
 def _slack_tendons(model: mujoco.MjModel) -> set[str]:

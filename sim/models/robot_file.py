@@ -97,11 +97,6 @@ def read_robot_file(path: Path) -> RobotFile:
     if not path.exists():
         raise FileFormatError(f"{path}: there is no such robot file. Check the name.")
     robot = read_toml(path, RobotFile)
-    _check_numbers(path, robot)
-    return robot
-
-
-def _check_numbers(path: Path, robot: RobotFile) -> None:
     for key, rows in (("front", robot.rise.front), ("back", robot.rise.back)):
         for number, row in enumerate(rows, start=1):
             if not row[0] > 0.0:
@@ -118,3 +113,4 @@ def _check_numbers(path: Path, robot: RobotFile) -> None:
         raise FileFormatError(f"{path}: masses: those of a mannequin follow from its skeleton")
     if robot.kind == "mannequin" and robot.solver == "ik":
         raise FileFormatError(f"{path}: solver: a mannequin plays its skeleton's joints exactly and needs no 'ik'")
+    return robot

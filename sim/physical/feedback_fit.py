@@ -29,13 +29,12 @@ NEAR = (0.004, 0.1)  # standard deviations of positions (m, rad) and speeds besi
 
 def fitted_feedback(stage: PhysicalStage, found: OnItsFeet, seed: int = 0) -> tuple[Feedback, float]:
     """The feedback of a motion that a stage found, and the share of simulations near it that then stand."""
-    fit, random, best = _Fit(stage, found), np.random.default_rng(seed), list[tuple[float, Feedback]]()
+    fit, random, best = _Fit(stage, found), np.random.default_rng(seed), list[tuple[Feedback, float]]()
     for number in range(PASSES):
         fit.improve(random, RATE if number else 1.0)
         if number >= JUDGED_FROM:
-            best.append((fit.stands(np.random.default_rng([seed, 1])), fit.feedback()))
-    share, feedback = max(best, key=lambda one: one[0])
-    return feedback, share
+            best.append((fit.feedback(), fit.stands(np.random.default_rng([seed, 1]))))
+    return max(best, key=lambda one: one[1])
 
 
 class _Fit:
@@ -52,14 +51,12 @@ class _Fit:
         self._sums = np.zeros((blocks, inputs, inputs + width))  # of the least squares
 
     def feedback(self) -> Feedback:
-        """What is fitted so far."""
         own = np.repeat(self._own, KNOTS, axis=0)[: len(self._offsets)]
         controls = self._course.controls[: len(own)] + (self._offsets + own)[:, None]
         names = self._found.motion.joints
         return Feedback(names, controls.reshape(-1, len(names)), self._states[:-1], self._gains.copy())
 
     def improve(self, random: np.random.Generator, rate: float) -> None:
-        """One pass."""
         states, inputs, fits = self._beside(random, self._states[0], SIDE_BY_SIDE), len(self._units), list[Array]()
         for block in range(len(self._own)):
             off, noise = self._off(states, block), NOISE * random.standard_normal((len(states), self._own.shape[1]))

@@ -21,8 +21,7 @@ from sim.robots.robot import Robot
 
 RATE = 1.0 / KNOT  # of the motions, Hz
 Planner = Callable[[Batch, CarriedCourse], Search]
-Planners = tuple[Planner, ...]
-PLANNERS: Planners = (Search, Sampling)
+PLANNERS: tuple[Planner, ...] = (Search, Sampling)
 STARTS = 0.001  # standard deviation of the first positions beside the motion's, m and rad
 
 
@@ -53,10 +52,7 @@ class PhysicalStage:
         self.course = course_of(robot, model, motion)
 
     def search(
-        self,
-        seed: int = 0,
-        progress: Callable[[float], None] = lambda seconds: None,
-        planner: Planner = Search,
+        self, seed: int = 0, progress: Callable[[float], None] = lambda seconds: None, planner: Planner = Search
     ) -> OnItsFeet:
         """Looks for the offsets, knot by knot, until the motion ends or the robot falls.
 
@@ -75,10 +71,20 @@ class PhysicalStage:
             new = played(batch, course, states[-1], now, search.offsets[None, now:after])[0]
             states, fell, now = np.concatenate([states, new[1:]]), self.fallen(new[1:], now + 1), after
             progress(now * KNOT)
-        return self._found(states, search.offsets, fell)
+        count, nq, nv = len(states), self._robot.model.nq, self._robot.model.nv
+        off, angles = batch.difference(course.states[:count], states), np.empty((count, len(self._robot.joints)))
+        for state, row in zip(states, angles, strict=True):
+            self._robot.layout.read(state, near=row, out=row)
+        motion = JointMotion(self._motion.name, self._motion.joints, RATE, angles, states[:, :nq].copy())
+        targets = course.targets[:count] + np.clip(search.offsets[:count], course.lower[:count], course.upper[:count])
+        path, pose = np.hypot(off[:, 0], off[:, 1]).mean(), np.sqrt(np.square(off[:, 6:nv]).mean())
+        return OnItsFeet(motion, states, targets, fell, float(path), float(np.degrees(pose)))
 
     def best(
-        self, seed: int = 0, progress: Callable[[float], None] = lambda seconds: None, planners: Planners = PLANNERS
+        self,
+        seed: int = 0,
+        progress: Callable[[float], None] = lambda seconds: None,
+        planners: tuple[Planner, ...] = PLANNERS,
     ) -> OnItsFeet:
         """What the first planner finds that stands to the end, or the one that stands longest."""
         tried: list[OnItsFeet] = []
@@ -98,14 +104,3 @@ class PhysicalStage:
         standing, rows = self._robot.model.qpos0[3:7], zip(states, self.course.states[knot:], strict=False)
         fallen = (at for at, (here, asked) in enumerate(rows, knot) if has_fallen(here, asked, standing))
         return next((at * KNOT for at in fallen), None)
-
-    def _found(self, states: Array, offsets: Array, fell: float | None) -> OnItsFeet:
-        count, course = len(states), self.course
-        off, nq, nv = self.batch.difference(course.states[:count], states), self._robot.model.nq, self._robot.model.nv
-        angles = np.empty((count, len(self._robot.joints)))
-        for state, row in zip(states, angles, strict=True):
-            self._robot.layout.read(state, near=row, out=row)
-        motion = JointMotion(self._motion.name, self._motion.joints, RATE, angles, states[:, :nq].copy())
-        targets = course.targets[:count] + np.clip(offsets[:count], course.lower[:count], course.upper[:count])
-        path, pose = np.hypot(off[:, 0], off[:, 1]).mean(), np.sqrt(np.square(off[:, 6:nv]).mean())
-        return OnItsFeet(motion, states, targets, fell, float(path), float(np.degrees(pose)))

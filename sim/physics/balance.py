@@ -78,7 +78,9 @@ class Balance:
 
     def _plant(self) -> None:
         """Chooses the places of the feet: on the floor below, in a stance that can balance."""
-        plan = self._plan
+        plan, rest = self._plan, mujoco.MjData(self._model)
+        self._robot.layout.place(self._robot.rest, rest.qpos)
+        mujoco.mj_kinematics(self._model, rest)
         turned = multiply(plan.qpos[3:7], conjugate(self._model.qpos0[3:7]))
         facing = azimuth(rotate(turned, np.array([1.0, 0.0, 0.0])))
         ahead = np.array([np.cos(facing), np.sin(facing)])
@@ -91,18 +93,12 @@ class Balance:
             turn.append(facing + np.clip(np.arctan2(np.sin(own), np.cos(own)), -STANCE_TURN, STANCE_TURN))
         middle, apart = 0.5 * (at[0] + at[1]), 0.5 * (at[0] - at[1])
         height = float(plan.qpos[2])
-        side = 1.0 if self._is_left(0) else -1.0
+        side = 1.0 if rest.xpos[self._bodies[0], 1] > rest.xpos[self._bodies[1], 1] else -1.0
         wide = side * max(side * float(apart @ left), 0.5 * STANCE_WIDTH * height)
         long = float(np.clip(apart @ ahead, -0.5 * STANCE_LENGTH * height, 0.5 * STANCE_LENGTH * height))
         apart = long * ahead + wide * left
         self._place = [np.array([*(middle + apart), 0.0]), np.array([*(middle - apart), 0.0])]
         self._flat = [multiply(yaw(to), from_matrix(foot.axes.T)) for to, foot in zip(turn, self._feet, strict=True)]
-
-    def _is_left(self, foot: int) -> bool:
-        rest = mujoco.MjData(self._model)
-        self._robot.layout.place(self._robot.rest, rest.qpos)
-        mujoco.mj_kinematics(self._model, rest)
-        return bool(rest.xpos[self._bodies[foot], 1] > rest.xpos[self._bodies[1 - foot], 1])
 
     def _off(self, data: mujoco.MjData) -> Array:
         """How far the capture point is from the planned centre, seen from the feet, shape (2,), m."""

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from controller.deck.interfaces import Side
-from controller.motion.rotations import Array, Indices
+from controller.motion.rotations import Array
 from controller.motion.skeleton import Pose
 from motiondeck_base.errors import MotiondeckError
 from sim.models.gravity import GRAVITY
@@ -25,8 +25,6 @@ from sim.robots.robot import Robot
 
 # MuJoCo resets itself when its state becomes invalid, and counts a warning.
 _BROKEN = slice(int(mujoco.mjtWarning.mjWARN_BADQPOS), int(mujoco.mjtWarning.mjWARN_BADQACC) + 1)  # and BADQVEL
-
-_NOTES = 64  # writes whose errors are buffered before the statistics are updated
 
 STANDS_AGAIN = 1.0  # time upright, s, after which a fallen robot counts as standing
 # Duration of a push, s, and its direction by the side it comes from, rad to the left of the heading.
@@ -115,7 +113,6 @@ class PhysicsPlayback:
         self._heading = 0.0  # of the motion, rad
         self._pushed = 0  # ticks for which the push under way still lasts
         self._square_sum, self._worst = 0.0, 0.0
-        self._errors, self._noted = np.empty((_NOTES, len(robot.rest))), 0
         robot.layout.place(robot.rest, self.data.qpos)
         self.placed[:] = self.data.qpos[:7]
         mujoco.mj_forward(model, self.data)
@@ -165,8 +162,11 @@ class PhysicsPlayback:
         ahead[layout.hinge] += self._goal[layout.hinge_qpos]
         for _ in range(self._steps):
             self._ctrl[:] = self._ahead
-            if len(robot.layout.ball):
-                self._aim_balls(self._ctrl, robot.layout.ball)
+            if len(balls := layout.ball):
+                # MuJoCo subtracts the joint's rotation vector from the control; the difference is to be the error.
+                mujoco.mj_differentiatePos(self.model, self._turned, 1.0, self._straight, data.qpos)
+                mujoco.mj_differentiatePos(self.model, self._error, 1.0, data.qpos, self._goal)
+                self._ctrl[balls] += (self._turned + self._error)[layout.dof[balls]]
             if servos is None:
                 self.step(self.model, data)
             else:
@@ -190,10 +190,19 @@ class PhysicsPlayback:
             targets = self._played
             robot.layout.read(self._walker.preview.goal, near=self._measured, out=targets)
             self.wanted[:] = self._walker.preview.goal
-        self._count(targets)
+        error = targets - self._measured
+        self._writes += 1
+        self._square_sum += float(error @ error)
+        self._worst = max(self._worst, float(np.abs(error).max(initial=0.0)))
         if self._root == "free":
             self.wanted[:2] = data.qpos[:2]
-            self._note_fall(root)
+            gave_up = self._recovery is not None and self._recovery.gave_up
+            if gave_up or has_fallen(data.qpos, root, self.model.qpos0[3:7]):
+                self.fallen, self._stands_for = True, 0
+                self.fell_s = self.clock() if self.fell_s is None else self.fell_s
+            elif self.fallen:
+                self._stands_for += 1
+                self.fallen = self._stands_for * self._dt < STANDS_AGAIN
 
     def _recover(self, legs: Balance | Walker | PlanFollower) -> None:
         recovery = self._recovery
@@ -208,15 +217,6 @@ class PhysicsPlayback:
             self._lead = lead_of(self.model)
             if recovery.phase is Phase.FALLS:
                 self.near_falls.append(self.clock())
-
-    def _note_fall(self, played: Array) -> None:
-        gave_up = self._recovery is not None and self._recovery.gave_up
-        if gave_up or has_fallen(self.data.qpos, played, self.model.qpos0[3:7]):
-            self.fallen, self._stands_for = True, 0
-            self.fell_s = self.clock() if self.fell_s is None else self.fell_s
-        elif self.fallen:
-            self._stands_for += 1
-            self.fallen = self._stands_for * self._dt < STANDS_AGAIN
 
     @property
     def incidents(self) -> list[str]:
@@ -287,7 +287,6 @@ class PhysicsPlayback:
 
     def report(self) -> Mapping[str, object]:
         """Tracking errors of the servos, falls and steps."""
-        self._add_errors()
         samples = max(self._writes, 1) * len(self._measured)
         said: dict[str, object] = {
             "kind": "physics",
@@ -316,12 +315,6 @@ class PhysicsPlayback:
     def close(self) -> None:
         """Does nothing."""
 
-    def _aim_balls(self, ctrl: Array, balls: Indices) -> None:
-        # MuJoCo subtracts the joint's rotation vector from the control; the difference is to be the error.
-        mujoco.mj_differentiatePos(self.model, self._turned, 1.0, self._straight, self.data.qpos)
-        mujoco.mj_differentiatePos(self.model, self._error, 1.0, self.data.qpos, self._goal)
-        ctrl[balls] += (self._turned + self._error)[self._robot.layout.dof[balls]]
-
     def _put_in_place(self) -> None:
         """Starts at the goal, at rest; a free robot with its lowest point on the floor."""
         mujoco.mj_resetData(self.model, self.data)
@@ -342,19 +335,6 @@ class PhysicsPlayback:
             self._servos.start()
         self._started = True
         mujoco.mj_forward(self.model, self.data)
-
-    def _count(self, targets: Array) -> None:
-        np.subtract(targets, self._measured, out=self._errors[self._noted])
-        self._writes += 1
-        self._noted += 1
-        if self._noted == len(self._errors):
-            self._add_errors()
-
-    def _add_errors(self) -> None:
-        """Adds the errors that were noted since the last call to the statistics."""
-        noted, self._noted = self._errors[: self._noted], 0
-        self._square_sum += float(np.square(noted).sum())
-        self._worst = max(self._worst, float(np.abs(noted).max(initial=0.0)))
 
 
 def usual_push(model: mujoco.MjModel) -> float:

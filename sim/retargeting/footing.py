@@ -18,7 +18,7 @@ from controller.motion.rotations import IDENTITY, Array
 from controller.motion.skeleton import Pose
 from sim.models.kinematic_tree import Scratch, UprightPelvis, below
 from sim.models.surface import LowestPoint, Surface
-from sim.retargeting.human_stance import FlatFeet, HumanStance
+from sim.retargeting.human_stance import HumanStance
 from sim.retargeting.robot_trunk import RobotTrunk
 
 # Height of a touching point of the skin, lengths of the leg, and the multiple of it from which a point is ignored.
@@ -76,11 +76,6 @@ class Footing:
         # The rest of the skin counts only close to the floor.
         self._other = surface.part(np.setdiff1d(surface.body, self._bodies))
         self._other_solids = np.flatnonzero(~np.isin(self._lowest.body, self._bodies))
-
-    @property
-    def flat(self) -> FlatFeet:
-        """The slopes of the human's feet."""
-        return self.stance.flat
 
     def reset(self, dt: float | None = None) -> None:
         """Resets place and stance: the next pose stands where the human stands; poses are dt seconds apart."""

@@ -108,7 +108,9 @@ class LimbFinder:
                 foot = self._parts[f"{side}_foot"]
                 for name, axis in zip(("ahead", "up"), self._sole(side), strict=True):
                     self._add_axis(f"{side}_foot_{name}", foot, size * axis)
-        for part in self._axes:
+        above = (set(joints_above(self._model, self._parts[part])) for part in ("chest", "pelvis"))
+        waist = set.symmetric_difference(*above)
+        for part in [part for part in ("head", "chest") if part in self._parts and (part == "head" or waist)]:
             for name, axis in (("ahead", AHEAD), ("left", LEFT)):
                 self._add_axis(f"{part}_{name}", self._parts[part], size * axis)
         if len(self._starts) == 2 * len(SIDES):
@@ -126,13 +128,6 @@ class LimbFinder:
         world = self._data.xpos[body] + rotate(self._data.xquat[body], point)
         rest = world[1] - world[0]
         return Vectors(tuple(self._names), body, point, rest, np.linalg.norm(rest, axis=1))
-
-    @property
-    def _axes(self) -> list[str]:
-        """The parts with axes among the vectors: the chest only above a waist."""
-        above = (set(joints_above(self._model, self._parts[part])) for part in ("chest", "pelvis"))
-        waist = set.symmetric_difference(*above)
-        return [part for part in ("head", "chest") if part in self._parts and (part == "head" or waist)]
 
     def _add(self, name: str, start: tuple[int, Array], end: tuple[int, Array]) -> None:
         self._names.append(name)

@@ -99,7 +99,8 @@ class RobotLimbs:
         """Its waist, with the limits of its N joints; `stiff` if it stays at rest."""
         turns = self.turns_chest & (not stiff)
         # Inverse kinematics, which moves the waist, tilts the pelvis itself.
-        hips = min((_raised(*leg, limits) for leg in self._hips), default=inf) if stiff else inf
+        raised = [hangs + float(limits.upper[k] if sense < 0.0 else -limits.lower[k]) for k, sense, hangs in self._hips]
+        hips = min(raised, default=inf) if stiff else inf
         below, above = self.back
         return Waist(self._waist[: turns.sum()], limits.lower[turns], limits.upper[turns], below, above, hips)
 
@@ -167,11 +168,6 @@ class RobotLimbs:
         slid = (at_end - at_start) * axis
         slope = self._swung.slope(self.data.qpos[self._qpos[self._swung_leader]])
         return slope[:, None, None] * np.where(self._slides[:, None, None], slid, swept)
-
-
-def _raised(joint: int, sign: float, rest: float, limits: JointLimits) -> float:
-    """How far a joint raises a thigh ahead, which hangs `rest` rad ahead of straight down, rad."""
-    return rest + float(limits.upper[joint] if sign < 0.0 else -limits.lower[joint])
 
 
 def limb_directions(limbs: RobotLimbs) -> Array:

@@ -134,13 +134,9 @@ def turned_by(v: list[float]) -> Array:
     x, y, z = v[0] / angle, v[1] / angle, v[2] / angle
     c, s = cos(angle), sin(angle)
     k = 1.0 - c
-    return np.array(
-        [
-            [c + k * x * x, k * x * y - s * z, k * x * z + s * y],
-            [k * x * y + s * z, c + k * y * y, k * y * z - s * x],
-            [k * x * z - s * y, k * y * z + s * x, c + k * z * z],
-        ]
-    )
+    first = c + k * x * x, k * x * y - s * z, k * x * z + s * y
+    second = k * x * y + s * z, c + k * y * y, k * y * z - s * x
+    return np.array([first, second, (k * x * z - s * y, k * y * z + s * x, c + k * z * z)])
 
 
 def _swing(line: list[float], goal: list[float]) -> Array:

@@ -71,10 +71,9 @@ def match(path: Path, model: mujoco.MjModel, bends: Collection[str] = ()) -> Bod
         try:
             here = matcher.match()
         except FileFormatError as error:
-            if isinstance(error, _StandsOtherwise) and not any(turn):
-                # stood on its side, its legs or arms could pass for a human's
-                return _upper_body(path, model, bends, error)
             refusal = refusal or error
+            if isinstance(error, _StandsOtherwise) and not any(turn):
+                break  # stood on its side, its legs or arms could pass for a human's
             continue
         # A robot turned upright must have arms too, as arms may pass for legs; arms equal to its legs make a quadruped.
         if not any(turn) or (matcher.leg_share and not matcher.limbs_alike):
@@ -84,11 +83,6 @@ def match(path: Path, model: mujoco.MjModel, bends: Collection[str] = ()) -> Bod
     if found:
         return found[max(found)]
     assert refusal is not None
-    return _upper_body(path, model, bends, refusal)
-
-
-def _upper_body(path: Path, model: mujoco.MjModel, bends: Collection[str], refusal: FileFormatError) -> BodyMatch:
-    """The parts of a robot with two arms and no legs, or the refusal."""
     matcher = _Matcher(path, model, IDENTITY, bends)
     if not (arms := matcher.named_arms()):
         raise refusal

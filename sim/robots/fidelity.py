@@ -8,7 +8,7 @@ import numpy as np
 
 from controller.motion.anatomy import Side, anatomy
 from controller.motion.clip import Clip, poses_of
-from controller.motion.rotations import Array, Flags, normalise, rotate, yaw
+from controller.motion.rotations import Array, normalise, rotate, yaw
 from sim.models.kinematic_tree import below
 from sim.models.surface import LowestPoint, Surface
 from sim.retargeting.human_limbs import LIMBS, LimbView
@@ -44,7 +44,7 @@ def carry(clip: Clip, robot: Robot, limiter: Limiter) -> Carried:
     wanted, played, qpos = [], [], []
     state = np.zeros(robot.model.nq)
     if robot.footing is not None:
-        robot.footing.flat.learn(clip)
+        robot.footing.stance.flat.learn(clip)
     for frame, pose in enumerate(poses_of(clip)):
         targets = np.clip(robot.retarget(pose), limits.lower, limits.upper)
         if frame == 0:
@@ -143,7 +143,14 @@ def floor_measures(clip: Clip, robot: Robot, qpos: Array, parts: Mapping[str, st
     data, surface, lowest_point = mujoco.MjData(model), Surface.touching(model), LowestPoint(model)
     feet = {side: model.body(parts[f"{side}_foot"]).id for side, _ in SIDES if f"{side}_foot" in parts}
     soles = {side: np.flatnonzero(np.isin(surface.body, below(model, foot))) for side, foot in feet.items()}
-    stands = standing_feet(clip)
+    stands = {}  # whether the human's feet stand, by the speed of their ball, shape (T,) each
+    for side, name in SIDES:
+        foot, speed = anatomy(clip.skeleton).first("foot", name), np.zeros(len(clip))
+        if foot is None:
+            speed += np.inf
+        elif len(clip) > 1:
+            speed = np.linalg.norm(np.gradient(clip.joints()[:, foot + 1], axis=0), axis=1) * clip.rate
+        stands[side] = speed < STILL * clip.skeleton.leg_length
     near = STANDS * robot.path_scale * clip.skeleton.leg_length
     speeds: list[float] = []
     sunk, floating = 0.0, 0
@@ -162,16 +169,3 @@ def floor_measures(clip: Clip, robot: Robot, qpos: Array, parts: Mapping[str, st
                 speeds.append(float(np.linalg.norm(points[lowest, :2] - before[lowest, :2])) * clip.rate)
         before = points
     return {"slide": float(np.mean(speeds)) if speeds else 0.0, "sunk": sunk, "floating": floating / max(len(qpos), 1)}
-
-
-def standing_feet(clip: Clip) -> dict[str, Flags]:
-    """Whether the human's right and left foot stand, by the speed of their ball, shape (T,) each."""
-    found = {}
-    for side, name in SIDES:
-        foot, speed = anatomy(clip.skeleton).first("foot", name), np.zeros(len(clip))
-        if foot is None:
-            speed += np.inf
-        elif len(clip) > 1:
-            speed = np.linalg.norm(np.gradient(clip.joints()[:, foot + 1], axis=0), axis=1) * clip.rate
-        found[side] = speed < STILL * clip.skeleton.leg_length
-    return found

@@ -63,7 +63,7 @@ def retargeted(robot: Robot, clip: Clip, given: Array | None = None) -> JointMot
     state = robot.model.qpos0.copy()
     robot.layout.place(robot.rest, state)
     if robot.footing is not None:
-        robot.footing.flat.learn(clip)
+        robot.footing.stance.flat.learn(clip)
     angles, qpos = np.empty((len(clip), len(robot.joints))), np.empty((len(clip), robot.model.nq))
     for frame, pose in enumerate(poses_of(clip)):
         wanted = robot.retarget(pose)  # it also turns the pelvis

@@ -18,7 +18,7 @@ import mujoco
 import numpy as np
 
 from controller.deck.interfaces import JointLimits
-from controller.motion.rotations import Array, Flags, Indices
+from controller.motion.rotations import Array, Flags
 from sim.models.kinematic_tree import followers, path_to
 from sim.robots.limb_directions import MEAN_LIMIT, WORST_LIMIT, LimbDirections, LimbSegment, degrees_between
 from sim.robots.robot import Robot
@@ -61,7 +61,10 @@ def limb_causes(
         cause: Cause = "out of reach"
         if _does_worse(there[frames][:, rows], own, least, often, far):
             # The retargeter keeps to the joints' speeds too: what it does on its way is no mistake.
-            there_now = np.flatnonzero(~_on_its_way(wanted, best_of.joints, robot, rate)[frames])
+            joints = best_of.joints
+            step = np.abs(np.diff(wanted[:, joints], axis=0, prepend=wanted[:1, joints]))
+            fast = np.any(step * rate >= FULL * robot.limits.velocity[joints], axis=1)
+            there_now = np.flatnonzero(~fast[frames])
             meant, aim = _pointing(robot, directions, wanted[frames[there_now]])[:, rows], own[there_now]
             short = degrees_between(meant, aim)
             often = bool(len(short) and short.mean(axis=0).max() > MEAN_LIMIT)
@@ -78,12 +81,6 @@ def _does_worse(there: Array, goals: Array, least: Array, often: bool, far: Flag
     missing = _as_a_whole(there, goals) - least
     passes = np.maximum(CLOSE, SHARE * least)
     return bool((often and missing.mean() > passes.mean()) or (missing > passes)[far].any())
-
-
-def _on_its_way(wanted: Array, joints: Indices, robot: Robot, rate: float) -> Flags:
-    """Whether one of the joints is at its speed limit, by frame (T,)."""
-    step = np.abs(np.diff(wanted[:, joints], axis=0, prepend=wanted[:1, joints]))
-    return np.any(step * rate >= FULL * robot.limits.velocity[joints], axis=1)
 
 
 def _pointing(robot: Robot, directions: LimbDirections, joints: Array) -> Array:

@@ -59,7 +59,7 @@ class LimbDirections:
         for side in "rl":
             for limb, names in SEGMENTS.items():
                 bodies = [model.body(parts[part]).id for name in names if (part := f"{side}_{name}") in parts]
-                found = self._found(side, names, bodies, trunks[limb]) if bodies else []
+                found = self._found(side, limb, bodies, trunks[limb]) if bodies else []
                 self.limbs += [found] if found else []
         self.segments = [segment for limb in self.limbs for segment in limb]  # length K
         # The ends of the trunk's line, each in the frame of its body; without both arms it is the vertical.
@@ -114,11 +114,11 @@ class LimbDirections:
         mujoco.mj_kinematics(self.model, self._data)
         return self._data.xmat.reshape(-1, 3, 3)
 
-    def _found(self, side: str, names: tuple[str, str], parts: list[int], trunk: int) -> list[LimbSegment]:
+    def _found(self, side: str, limb: str, parts: list[int], trunk: int) -> list[LimbSegment]:
         model, data, body = self.model, self.standing, parts[0]
         ends = [b for b in below(model, body) if hinges_at(model, b)] or [body]
         end = max(ends, key=lambda b: len(hinges_between(model, trunk, b)))
-        if names is SEGMENTS["arm"]:
+        if limb == "arm":
             end = self._palm(body, end)
         hinges = hinges_between(model, trunk, end)
         tall = float(np.ptp(self._surface.positions(data)[:, 2]))
@@ -127,7 +127,6 @@ class LimbDirections:
         if len(hinges) < 2:
             return []
         tip = self._tip(end, data.xanchor[hinges[0]])
-        limb = "arm" if names is SEGMENTS["arm"] else "leg"
         first = int(model.body_parentid[model.jnt_bodyid[hinges[0]]])
         self._ends[f"{side}_{limb}"] = self._local(first, start_of(data, hinges, tip)), self._local(end, tip)
         fold = [self._fold(joint, hinges[:k], end, tip) for k, joint in enumerate(hinges) if k]
@@ -143,7 +142,7 @@ class LimbDirections:
         upper, lower = int(model.body_parentid[model.jnt_bodyid[joint]]), int(model.jnt_bodyid[joint])
         name = model.joint(joint).name
         found = []
-        for part, on, way in ((names[0], upper, knee - start), (names[1], lower, far - knee)):
+        for part, on, way in zip(SEGMENTS[limb], (upper, lower), (knee - start, far - knee), strict=True):
             length = float(np.linalg.norm(way))
             if length > 1e-6:
                 direction = data.xmat[on].reshape(3, 3).T @ way / length

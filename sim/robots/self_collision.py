@@ -13,7 +13,7 @@ from collections import Counter
 import mujoco
 import numpy as np
 
-from controller.motion.rotations import Array, Flags
+from controller.motion.rotations import Array
 from controller.motion.skeleton import Pose
 from motiondeck_base.errors import MotiondeckError
 from sim.models.kinematic_tree import followers, path_to
@@ -69,9 +69,12 @@ class CollisionGuard:
 
     def __init__(self, robot: Robot, dt: float) -> None:
         """A guard for poses dt seconds apart."""
-        self._robot, self._collisions = robot, SelfCollision(robot)
-        self._joints_of = _moved_bodies(robot)
-        self._between: dict[tuple[int, int], Flags] = {}
+        self._robot, self._collisions, model = robot, SelfCollision(robot), robot.model
+        # Which bodies hang from each joint coordinate, or from a joint that follows it.
+        self._moved, driven = np.zeros((model.nu, model.nbody), dtype=np.bool_), model.actuator_trnid[:, 0]
+        self._moved[np.arange(model.nu), model.jnt_bodyid[driven]] = True
+        for follower, (leader, _) in followers(model).items():
+            self._moved[driven == leader, model.jnt_bodyid[follower]] = True
         self._qpos = robot.model.qpos0.copy()
         self._step = robot.limits.velocity * dt
         self._good = robot.rest.copy()  # where nothing counts as a collision
@@ -96,27 +99,9 @@ class CollisionGuard:
                 break
             for pair in overlapping:
                 self.kept_apart[self._collisions.called(*pair)] += 1
-                held |= self._joints_between(*pair)
+                ways = [set(path_to(self._robot.model, body)) for body in pair]
+                held |= self._moved[:, sorted(ways[0] ^ ways[1])].any(axis=1)
         else:
             targets = self._good
         self._good = targets
         return targets
-
-    def _joints_between(self, a: int, b: int) -> Flags:
-        """Which joint coordinates move two bodies against each other, shape (J,)."""
-        if (a, b) not in self._between:
-            ways = [set(path_to(self._robot.model, body)) for body in (a, b)]
-            moved = self._joints_of[:, sorted(ways[0] ^ ways[1])]
-            self._between[a, b] = np.asarray(moved.any(axis=1), dtype=np.bool_)
-        return self._between[a, b]
-
-
-def _moved_bodies(robot: Robot) -> Flags:
-    """Which bodies hang from each joint coordinate, or from a joint that follows it, shape (J, bodies)."""
-    model = robot.model
-    moved = np.zeros((model.nu, model.nbody), dtype=np.bool_)
-    driven = model.actuator_trnid[:, 0]
-    moved[np.arange(model.nu), model.jnt_bodyid[driven]] = True
-    for follower, (leader, _) in followers(model).items():
-        moved[driven == leader, model.jnt_bodyid[follower]] = True
-    return moved

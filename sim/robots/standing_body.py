@@ -77,13 +77,11 @@ class StandingBody:
         joints: list[int] = []
         for body in path:
             joints += hinges_at(self.model, body)
-            forks = sum(self._moves(child) for child in np.flatnonzero(self.model.body_parentid == body).tolist())
+            children = [below(self.model, child) for child in np.flatnonzero(self.model.body_parentid == body).tolist()]
+            forks = sum(not {*self.movers}.isdisjoint(child) for child in children)
             if forks > 1 and len(joints) > 2 and self.lowest(end) > self.floor + STANDS * self.tall:
                 return RobotLimb(joints, self.tip(body))
         return RobotLimb(joints, self.tip(path[-1]))
-
-    def _moves(self, body: int) -> bool:
-        return any(mover in below(self.model, body) for mover in self.movers)
 
     def tip(self, end: int) -> Array:
         """The surface point of a body, and of bodies fixed to it, farthest from its joint."""

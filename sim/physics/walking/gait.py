@@ -177,17 +177,14 @@ class Gait:
                 step.place = step.place + self._longer
                 self.step = step
             elif start <= now and self.step is None:
-                self._begin(step, swing, count)
+                self.step, self._swing, self._count = step, swing, count
+                self._longer = np.zeros(2)
+                self._from = self.places[step.foot].copy(), float(self.yaws[step.foot])
             places[step.foot], yaws[step.foot] = step.place, step.yaw
             heading, astray = step.heading, step.astray
             free = step.end + s.double_support
             steps.append(step)
         return steps
-
-    def _begin(self, step: Step, swing: Swing, count: int) -> None:
-        self.step, self._swing, self._count = step, swing, count
-        self._longer = np.zeros(2)
-        self._from = self.places[step.foot].copy(), float(self.yaws[step.foot])
 
     def _end(self, swing: Swing, start: float) -> float:
         end = swing.end if swing.end is not None else max(self._horizon, swing.start + UNKNOWN)

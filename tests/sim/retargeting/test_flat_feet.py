@@ -47,7 +47,7 @@ def test_while_a_motion_plays_the_slope_is_found_too(slope):
     pose, qpos = feet_at(slope), np.zeros(robot.model.nq)
     for _ in range(len(clip)):
         robot.place(robot.retarget(pose), pose, qpos)
-    assert robot.footing.flat.slope == pytest.approx([slope, slope], abs=0.02)
+    assert robot.footing.stance.flat.slope == pytest.approx([slope, slope], abs=0.02)
 
 
 def test_a_moment_on_tiptoe_is_not_taken_for_flat():
