@@ -38,7 +38,7 @@ def export(
     Example:  motiondeck export thesis15 --robot servo20 --motions walk,jog,waltz --for c --out figure
     """
     from motiondeck.cli.common.tables import show_table
-    from motiondeck.cli.rig.rig_port import load
+    from motiondeck.cli.rig.shared import load
     from motiondeck.export.c_folder import write_arduino, write_c
     from motiondeck.export.cost import cost_on
     from motiondeck.export.source import open_figure

@@ -71,13 +71,10 @@ def preflight(
     if not motions_only:
         from motiondeck.run.sampled_motions import switches_by_way_of
 
-        def failing(verdict: RobotVerdict) -> None:
-            if not verdict.ok:
-                print_verdict(verdict)
-
+        show = None if as_json else (lambda verdict: None if verdict.ok else print_verdict(verdict))
         direct, ways = judged.switches(names, where), switches_by_way_of(played)
         count = len(names) * (len(names) - 1) - len(ways)
-        switches = collected(direct, "switches", count, None if as_json else failing)
+        switches = collected(direct, "switches", count, show)
         switches += _by_their_parts({v.name: v for v in (*motions, *switches)}, ways, tempo)
     ok = all(verdict.ok for verdict in (*motions, *switches))
     errors = {name: msgspec.to_builtins(motion.against_recording) for name, motion in learned.items()}

@@ -188,7 +188,7 @@ def _assemble(opening: ExitStack, stop: StopRequest, spec: RunSpec, played: Play
         # Of a recorded run only the human's root is known, and joints taught by hand were never a human's.
         human = None if isinstance(deck, RecordedDeck) or played.source.skeleton.is_rig else played.source.skeleton
         contents = PageContents(deck, robots, human, watch, port, played.file, servos, host.restarts, played.verdicts)
-        shown = opening.enter_context(Page.open(page.state, contents))
+        shown = opening.enter_context(closing(Page.open(page.state, contents)))
     recorder = _recorder(opening, spec, played, first, deck, watch)
     if recorder is not None:
         children.add("the recorder", recorder.process)

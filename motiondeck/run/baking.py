@@ -11,7 +11,7 @@ from controller.deck.motion_generator import MotionGenerator
 from controller.deck.routes import Routes
 from controller.learning.fit import fit_prepared
 from controller.learning.preparation.loops import Seam, close_loop
-from controller.learning.recipe import LibraryRecipe, MotionRecipe, recipe_of
+from controller.learning.recipe import MotionRecipe, recipe_of
 from controller.learning.trainers.phase_echo_state import PhaseEchoStateRecipe
 from controller.learning.trainers.trainer import trainer_of
 from controller.learning.training_set import TrainingSet
@@ -51,23 +51,20 @@ def bake(library_file: Path, robot_file: Path, progress: Callable[[str], None] =
         encoding, frames[motion.name] = _carried(library, motion, loader)
     assert encoding is not None, "a library has a motion"
     loops = {motion.name: motion.plays == "loop" for motion in library.info.motions}
-    recipe = _recipe(library, library_file)
+    own = recipe_of(library.info.recipe, library_file)
+    motions = [MotionRecipe(name=one.name, file=one.source, plays=one.plays) for one in library.info.motions]
+    name = library.info.name
+    recipe = msgspec.structs.replace(own, name=name, network=NETWORK, motions=motions, as_recorded=False)
     least = trainer_of(recipe.network).least_range
     baked = fit_prepared(recipe, TrainingSet(encoding, library.info.rate, frames, loops, least_range=least), progress)
     origin = BakedFrom(
         robot=robot_file.stem,
         robot_digest=robot_digest(robot_file),
-        library=library.info.name,
+        library=name,
         library_digest=digest_of(library_file),
         leaps={one: dict(others) for one, others in Routes.of(library).leaps.items()},
     )
     return MotionLibrary(msgspec.structs.replace(baked.info, baked=origin), baked.network, baked.encoding)
-
-
-def _recipe(library: MotionLibrary, file: Path) -> LibraryRecipe:
-    own = recipe_of(library.info.recipe, file)
-    motions = [MotionRecipe(name=one.name, file=one.source, plays=one.plays) for one in library.info.motions]
-    return msgspec.structs.replace(own, name=library.info.name, network=NETWORK, motions=motions, as_recorded=False)
 
 
 def _carried(library: MotionLibrary, motion: MotionInfo, loader: RobotLoader) -> tuple[RobotJoints, Array]:

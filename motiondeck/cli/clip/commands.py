@@ -19,8 +19,7 @@ from motiondeck_base.progress import progress
 
 if TYPE_CHECKING:
     from controller.learning.centralized.reconstruction import Gap
-    from controller.motion.clip import Clip, Markers, ReadingOptions
-    from controller.motion.formats.reading import FittedClip
+    from controller.motion.clip import Clip, Markers
 
 app = typer.Typer(help="Show, convert, draw and view recordings and joint motions.", no_args_is_help=True)
 
@@ -41,9 +40,10 @@ def show(
     Example:  motiondeck clip show dance.c3d
     """
     from controller.learning.recording_analysis import with_steps
+    from controller.motion.formats.reading import read_fitted
     from motiondeck.cli.clip.clip_facts import facts, joint_facts
 
-    recording = _read(file, with_steps(replace(reading.options(), ground=shared.ground_of(ground))))
+    recording = read_fitted(file, with_steps(replace(reading.options(), ground=shared.ground_of(ground))))
     is_rig = recording.clip.skeleton.is_rig
     known = joint_facts(recording.clip) if is_rig else facts(recording)
     if as_json:
@@ -101,9 +101,10 @@ def convert(
         return
     from controller.learning.preparation.takes import with_kind
     from controller.motion.canonical.clip_edits import mirrored, mirrored_joints, seconds_of
+    from controller.motion.formats.reading import read_fitted
     from controller.motion.formats.writing import write_clip
 
-    clip = _read(file, reading.options()).clip
+    clip = read_fitted(file, reading.options()).clip
     clip = seconds_of(clip, begin, end) if begin or end is not None else clip
     if mirror and clip.skeleton.is_rig:
         clip = mirrored_joints(clip, _mirror_signs(reading.skeleton))
@@ -165,9 +166,10 @@ def plot(
     Example:  motiondeck clip plot walk.bvh --out walk.png
     """
     from controller.motion.clip import ReadingOptions
+    from controller.motion.formats.reading import read_fitted
     from motiondeck.pictures.clip_plot import plot_clip, plot_sheet
 
-    recordings = [_read(file, ReadingOptions(skeleton)) for file in files]
+    recordings = [read_fitted(file, ReadingOptions(skeleton)) for file in files]
     if len(recordings) > 1:
         for recording in recordings:
             _refuse_joints(recording.clip, "draw it alone")
@@ -196,13 +198,14 @@ def view(
     import numpy as np
 
     from controller.learning.recording_analysis import with_steps
+    from controller.motion.formats.reading import read_fitted
     from motiondeck.cli.clip.clip_facts import decided_of
     from motiondeck.pictures.clip_scene import act_of
     from motiondeck.pictures.library_pictures import film_frames, film_look
     from motiondeck.run.page.page import show_act
     from sim.robots.catalogue import find_robot
 
-    recording = _read(file, with_steps(reading.options()))
+    recording = read_fitted(file, with_steps(reading.options()))
     _refuse_joints(recording.clip, "`motiondeck clip plot` draws it")
     body = None if robot is None else find_robot(robot)
     act = act_of(recording.clip, body, ghost=video is None or body is not None)
@@ -214,12 +217,6 @@ def view(
         return
     decisions, doubtful = decided_of(recording)
     show_act(replace(act, decisions=decisions, doubts=doubtful), port)
-
-
-def _read(file: Path, options: ReadingOptions) -> FittedClip:
-    from controller.motion.formats.reading import read_fitted
-
-    return read_fitted(file, options)
 
 
 def _refuse_joints(clip: Clip, remedy: str) -> None:

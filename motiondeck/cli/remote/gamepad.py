@@ -113,11 +113,14 @@ class Pad:
         """The command of an event, or None where it has none."""
         match event:
             case Stick(y):
-                return self._set_tempo(tempo_of(y))
-            case Button.LEFT:
-                return self._switch(-1)
-            case Button.RIGHT:
-                return self._switch(1)
+                if abs((tempo := tempo_of(y)) - self._tempo) < 0.5 * STEP:
+                    return None
+                self._tempo = tempo
+                return commands.SetTempo(tempo)
+            case Button.LEFT | Button.RIGHT:
+                self._place = (self._place + (1 if event is Button.RIGHT else -1)) % len(self._motions)
+                self._paused = False
+                return commands.Switch(self._motions[self._place])
             case Button.A:
                 self._paused = not self._paused
                 return commands.Pause() if self._paused else commands.Resume()
@@ -132,17 +135,6 @@ class Pad:
                 return commands.GiveBeat()
             case Button.START:
                 return commands.Stop()
-
-    def _switch(self, step: int) -> DeckCommand:
-        self._place = (self._place + step) % len(self._motions)
-        self._paused = False
-        return commands.Switch(self._motions[self._place])
-
-    def _set_tempo(self, tempo: float) -> DeckCommand | None:
-        if abs(tempo - self._tempo) < 0.5 * STEP:
-            return None
-        self._tempo = tempo
-        return commands.SetTempo(tempo)
 
 
 def tempo_of(value: float) -> float:

@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from typer import Option
 
-from motiondeck.cli.rig.line_input import LineInput
-from motiondeck.cli.rig.rig_port import PortOption, RigArgument, ended_by_sigterm, load, open_buses
+from motiondeck.cli.rig.shared import LineInput, PortOption, RigArgument, ended_by_sigterm, load, open_buses
 from motiondeck_base.files import check_folder
 
 if TYPE_CHECKING:

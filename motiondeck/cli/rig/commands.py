@@ -11,7 +11,7 @@ from typer import Argument, Option
 
 from motiondeck.cli.common.options import JsonOption
 from motiondeck.cli.rig import calibrate, emulate, identify, servos, teach
-from motiondeck.cli.rig.rig_port import PortOption, RigArgument, ended_by_sigterm, load, open_buses
+from motiondeck.cli.rig.shared import LineInput, PortOption, RigArgument, ended_by_sigterm, load, open_buses
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.words import counted
 
@@ -57,14 +57,16 @@ def doctor(
             reports.append(examine(part, bus))
     for (part, _), report in zip(parts, reports, strict=True):
         report.problems.extend(look_elsewhere(part, report, lambda baud, port=report.port: Bus.open(port, baud)))
-    if as_json:
-        print(msgspec.json.encode(reports[0] if len(reports) == 1 else {"ports": reports}).decode())
-    for line in done if not as_json else []:
-        print(f"set: {line}")
     ports = "".join(f" --port {name}" for name in port or ())
     if before:
         print(f"to undo what was set: motiondeck rig restore {rig} {saved}{ports}", file=sys.stderr)
-    for report in reports if not as_json else []:
+    problems = sum(len(report.problems) for report in reports)
+    if as_json:
+        print(msgspec.json.encode(reports[0] if len(reports) == 1 else {"ports": reports}).decode())
+        raise typer.Exit(int(problems > 0))
+    for line in done:
+        print(f"set: {line}")
+    for report in reports:
         latency = "unknown" if report.latency_ms is None else f"{report.latency_ms} ms"
         print(f"{report.port} at {report.baud} baud, USB latency {latency}")
         for servo in report.servos:
@@ -79,15 +81,12 @@ def doctor(
             print(f"problem: {problem}")
         for note in report.notes:
             print(f"note: {note}")
-    problems = sum(len(report.problems) for report in reports)
-    if not as_json:
-        if refused:
-            print("\n".join(f"not set: {line}" for line in refused))
-        print("no problem found" if not problems else f"{problems} problem{'s' * (problems > 1)}")
-        if not fix and any("--fix sets" in problem for report in reports for problem in report.problems):
-            print(f"to set what differs: motiondeck rig doctor {rig}{ports} --fix")
-    if problems:
-        raise typer.Exit(1)
+    for line in refused:
+        print(f"not set: {line}")
+    print("no problem found" if not problems else f"{problems} problem{'s' * (problems > 1)}")
+    if not fix and any("--fix sets" in problem for report in reports for problem in report.problems):
+        print(f"to set what differs: motiondeck rig doctor {rig}{ports} --fix")
+    raise typer.Exit(int(problems > 0))
 
 
 def monitor(
@@ -219,7 +218,6 @@ def turns(rig: RigArgument, port: PortOption = None) -> None:
     """
     from hardware.rig.turn_file import TurnFile
     from hardware.tools.loose_joints import loosen, store_turns
-    from motiondeck.cli.rig.line_input import LineInput
 
     config = load(rig)
     names = [config.names[index] for index in config.through_turns]

@@ -10,13 +10,12 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from typer import Option
 
-from motiondeck.cli.rig.line_input import LineInput, in_foreground
-from motiondeck.cli.rig.rig_port import RigArgument, ended_by_sigterm, load
+from motiondeck.cli.rig.shared import LineInput, RigArgument, ended_by_sigterm, in_foreground, load
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.words import counted
 
 if TYPE_CHECKING:
-    from hardware.emulator.bus import EmulatedBus, JointPlant
+    from hardware.emulator.bus import EmulatedBus
     from hardware.rig.rig_file import RigConfig
 
 
@@ -62,7 +61,15 @@ def emulate(
 
         one = msgspec.structs.replace(config.joints[0], id=1)
         config = msgspec.structs.replace(config, joints=(one,), baud=57600)
-    plant = _plant(config, robot, root or "fixed") if robot is not None else None
+    plant = None
+    if robot is not None:
+        from controller.motion.encodings.joint_angles import JointBody
+        from sim.physics.rig_plant import RigPlant
+        from sim.robots.catalogue import find_robot
+        from sim.robots.robot import load_robot
+
+        turned = load_robot(find_robot(robot), JointBody.of(config.names))
+        plant = RigPlant(turned, config.names, root or "fixed")
     faults = [parse_fault(text) for text in fault or []]
     servos = counted(len(config.joints), "servo")
     print(f"{servos} at {config.baud} baud; clients of another speed get no answer", file=sys.stderr, flush=True)
@@ -102,12 +109,3 @@ def _hands(config: RigConfig) -> Callable[[Sequence[EmulatedBus]], None]:
         hands.move(buses, time.monotonic())
 
     return between
-
-
-def _plant(config: RigConfig, robot: str, root: str) -> JointPlant:
-    from controller.motion.encodings.joint_angles import JointBody
-    from sim.physics.rig_plant import RigPlant
-    from sim.robots.catalogue import find_robot
-    from sim.robots.robot import load_robot
-
-    return RigPlant(load_robot(find_robot(robot), JointBody.of(config.names)), config.names, root)

@@ -13,7 +13,7 @@ import typer
 from typer import Option
 
 from motiondeck.cli.common.options import JsonOption
-from motiondeck.cli.rig.rig_port import PortOption, RigArgument, aside, handled, load
+from motiondeck.cli.rig.shared import PortOption, RigArgument, aside, handled, load
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
 
 if TYPE_CHECKING:

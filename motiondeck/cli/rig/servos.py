@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from typer import Argument, Option
 
 from motiondeck.cli.common.options import JsonOption
+from motiondeck.cli.rig.shared import LineInput, aside
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.files import check_folder
 
@@ -56,7 +56,7 @@ def scan(
         rig, left_out = rig_of(found, lasting_name(port))
         save_rig(rig, out)
         for reason in left_out:
-            print(f"note: left out: {reason}", file=sys.stderr)
+            aside(f"note: left out: {reason}")
         if not as_json:
             print(f"wrote {out}")
 
@@ -87,7 +87,6 @@ def setup(
     from hardware.rig.rig_file import BAUD_RATES, load_rig
     from hardware.tools.rig_writing import set_port
     from hardware.tools.scan import set_up, set_up_all
-    from motiondeck.cli.rig.line_input import LineInput
 
     if every == (id is not None) or (every and rig is None):
         raise MotiondeckError("give either --id N for one servo, or --all with --rig FILE for all of a rig")
@@ -159,15 +158,12 @@ def _answering(port: str, bauds: list[int] | None = None) -> list[Found]:
     wrong = [rate for rate in bauds or [] if rate not in BAUD_RATES]
     if wrong:
         raise MotiondeckError(f"baud {wrong[0]} is not one of {', '.join(map(str, BAUD_RATES))}")
-    return scan_port(lambda rate: Bus.open(port, rate), *([bauds] if bauds else []), on_garbled=_warn_of_garbled)
 
+    def warn(baud: int) -> None:
+        twice = "two servos may have the same id. Connect one at a time, and give each its own ID with"
+        aside(f"note: garbled answers at {baud} baud: {twice} motiondeck rig setup.")
 
-def _warn_of_garbled(baud: int) -> None:
-    print(
-        f"note: garbled answers at {baud} baud: two servos may have the same id. Connect one at a time, and give "
-        "each its own ID with motiondeck rig setup.",
-        file=sys.stderr,
-    )
+    return scan_port(lambda rate: Bus.open(port, rate), *([bauds] if bauds else []), on_garbled=warn)
 
 
 def _refuse_existing(out: Path) -> None:

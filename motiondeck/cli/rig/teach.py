@@ -9,6 +9,7 @@ import sys
 import time
 from contextlib import ExitStack
 from dataclasses import dataclass, field
+from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -16,8 +17,7 @@ import typer
 from typer import Option
 
 from motiondeck.cli.common.options import JsonOption
-from motiondeck.cli.rig.line_input import LineInput
-from motiondeck.cli.rig.rig_port import PortOption, RigArgument, aside, ended_by_sigterm, load, open_buses
+from motiondeck.cli.rig.shared import LineInput, PortOption, RigArgument, aside, ended_by_sigterm, load, open_buses
 from motiondeck_base.errors import FileFormatError, MotiondeckError
 from motiondeck_base.files import check_folder
 from motiondeck_base.shipped import find_rig
@@ -319,7 +319,4 @@ class _Session:
 
 
 def _next_take(out: Path) -> Path:
-    number = 2
-    while (file := out.with_name(f"{out.stem}.{number}.clip")).exists():
-        number += 1
-    return file
+    return next(file for n in count(2) if not (file := out.with_name(f"{out.stem}.{n}.clip")).exists())

@@ -61,6 +61,8 @@ def retarget(
       motiondeck retarget walk.bvh dance.c3d --robot g1.toml --out motions --format csv
       motiondeck retarget walk.bvh --robot g1.toml --out motions --physical
     """
+    import msgspec
+
     from controller.motion.formats.reading import recordings_in
     from motiondeck_base.jobs import Jobs
     from sim.models.robot_file import solver_named
@@ -72,8 +74,6 @@ def retarget(
     if physical:
         stood = stand(recordings_in(recordings), find_robot(robot), out, named, how)
         if as_json:
-            import msgspec
-
             print(json.dumps({"robot": robot, "recordings": msgspec.to_builtins(stood)}))
         else:
             print_stood(stood, out)
@@ -82,13 +82,10 @@ def retarget(
     rows = collected(carried, "retargeting", len(recordings_in(recordings)))
     rows.sort(key=lambda row: row.recording)
     if as_json:
-        import msgspec
-
         print(json.dumps({"robot": robot, "format": named, "recordings": msgspec.to_builtins(rows)}))
     else:
         print_rows(rows, out)
-    if any(row.error for row in rows):
-        raise typer.Exit(1)
+    raise typer.Exit(int(any(row.error for row in rows)))
 
 
 def print_rows(rows: list[RetargetedFile], out: Path) -> None:

@@ -12,7 +12,6 @@ from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, fields
-from typing import NamedTuple
 
 import msgspec
 import numpy as np
@@ -201,11 +200,8 @@ class GuardedRig:
                 pass
 
 
-class GuardProcess(NamedTuple):
-    """A guard that runs, and the link to it."""
-
-    link: GuardLink[Note]
-    process: subprocess.Popen[bytes]
+GuardProcess = tuple[GuardLink[Note], subprocess.Popen[bytes]]
+"""The link to a guard that runs, and its process."""
 
 
 @contextmanager
@@ -224,7 +220,7 @@ def guard_process() -> Iterator[GuardProcess]:
         )
     link = GuardLink[Note](ours, msgspec.json.Decoder(Note))
     try:
-        yield GuardProcess(link, process)
+        yield link, process
     finally:
         link.close()
         _end(process, _CLOSES_WITHIN)

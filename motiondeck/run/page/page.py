@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections import deque
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import closing, contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -138,8 +137,7 @@ class Page:
         self._wanted: Array | None = getattr(first.stage, "wanted", None)
 
     @classmethod
-    @contextmanager
-    def open(cls, state: Path, contents: PageContents) -> Iterator[Page]:
+    def open(cls, state: Path, contents: PageContents) -> Page:
         """Puts the robots' models, the human's and the state beside each other, where the view waits for them."""
         from motiondeck.page.ghost import draw_ghost
 
@@ -150,8 +148,7 @@ class Page:
         human = None
         if contents.human is not None:
             human = draw_ghost(contents.human, robots[0].path_scale, state.with_name("human.xml"))
-        with closing(cls(state, contents, contents.description(models, human))) as page:
-            yield page
+        return cls(state, contents, contents.description(models, human))
 
     def show(self, snapshot: DeckSnapshot, loop: LoopState, activation: Activation | None) -> None:
         """Publishes one picture: the snapshot, the bodies, the network's activation, the servos."""

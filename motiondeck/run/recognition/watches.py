@@ -167,14 +167,9 @@ Watch = BodyWatch | RecognitionWatch
 def summary_lines(report: dict[str, Any]) -> list[str]:
     """The same as lines of a run's summary, or what a `BodyWatch` has seen."""
     if "shares" in report:
-        return [f"while {played} was played, {_most(shares)} was seen" for played, shares in report["shares"].items()]
+        most = [(played, *max(shares.items(), key=lambda one: one[1])) for played, shares in report["shares"].items()]
+        return [f"while {played} was played, {seen} ({100.0 * share:.0f} %) was seen" for played, seen, share in most]
     share, after = report["right_share"], report["seen_after_s"]
     seen = f"the commanded motion was seen in {100.0 * share:.1f} % of the ticks" if share is not None else "nothing"
     when = f", {after:.2f} s after a switch had begun (median)" if after is not None else ""
     return [f"recognized from the joints: {seen}{when}; {report['raised']} alarms"]
-
-
-def _most(shares: dict[str, float]) -> str:
-    """What was seen longest, and in which share of the ticks."""
-    seen, share = max(shares.items(), key=lambda item: item[1])
-    return f"{seen} ({100.0 * share:.0f} %)"

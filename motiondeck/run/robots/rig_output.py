@@ -168,17 +168,11 @@ class RigOutput:
         }
 
     def close(self) -> None:
-        """Ends the rig as its file says, and names the joints that did not confirm it."""
-        close_rig(self.rig)
+        """Ends the rig as its file says, and names the joints that did not confirm it; may be called twice."""
+        from hardware.errors import still_on
 
-
-def close_rig(rig: Rig | GuardedRig) -> None:
-    """Closes a rig and names on stderr the joints that did not confirm it; may be called twice."""
-    from hardware.errors import still_on
-
-    unconfirmed = rig.close()
-    if unconfirmed:
-        print(f"motiondeck: {still_on(unconfirmed)}", file=sys.stderr)
+        if unconfirmed := self.rig.close():
+            print(f"motiondeck: {still_on(unconfirmed)}", file=sys.stderr)
 
 
 def open_rig(
@@ -199,8 +193,8 @@ def open_rig(
     check_joints(config.names, robot.joints)
     places = [robot.joints.index(name) for name in config.names]
     rig = connect(*guard, config, limits, places, (), str(file) if emulated else None)
-    opening.callback(close_rig, rig)
-    return Channel(RigOutput(rig, robot.joints, config.rate_hz), round(every)), limits
+    opening.callback((output := RigOutput(rig, robot.joints, config.rate_hz)).close)
+    return Channel(output, round(every)), limits
 
 
 def check_joints(names: Sequence[str], joints: Sequence[str]) -> None:
