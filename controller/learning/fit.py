@@ -70,7 +70,8 @@ class TrainedNetwork:
     seed: int
     network: AnyNetwork
     verdicts: dict[str, MotionVerdict]  # of the self-test
-    weights: NDArray[np.float32] | None = None  # W of a conceptor network, shape (N, N)
+    weights: NDArray[np.float32] | None = None  # W of a conceptor network, shape (N, N); a library keeps W U only
+    asked: int = 0  # of several seeds the first that was tried
 
     @property
     def passed(self) -> int:

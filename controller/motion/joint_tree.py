@@ -263,14 +263,11 @@ def chosen_person(path: str | Path, people: Collection[str], wanted: str | None)
 
 
 def people_in(names: Sequence[str], parent: Sequence[int]) -> dict[str, list[int]]:
-    """The joints of each body with two thighs by name, with those above it; parents are -1 at the top."""
+    """The joints of each body with two thighs by name, with those above it; parents come first, -1 at the top."""
     # A body has the name of the topmost joint that is its own, up to a colon.
     ways: list[set[int]] = []  # of each joint, itself and all above it
-    for joint in range(len(names)):
-        ways.append(set())
-        while joint >= 0:
-            ways[-1].add(joint)
-            joint = parent[joint]
+    for joint, above in enumerate(parent):
+        ways.append({joint, *(ways[above] if above >= 0 else ())})
     found: dict[str, list[int]] = {}
     waiting = [-1]
     while waiting:

@@ -140,7 +140,7 @@ def transitions(evaluation: Evaluation, seed: int, jobs: Jobs) -> Table:
         with progress("training", 1) as tick:
             (subject,) = evaluation.networks([seed], ALONE, tick)
         verdicts = self_test(subject.network, evaluation.judge)
-        library = assemble(evaluation.recipe, syllabus, subject.network, subject.drawn, verdicts)
+        library = assemble(evaluation.recipe, syllabus, subject.network, subject.seed, verdicts)
     with progress("transitions", len(syllabus.frames)) as tick:
         crossings = all_crossings(library, syllabus, holds=evaluation.holds, jobs=jobs, tick=tick)
     notes = [

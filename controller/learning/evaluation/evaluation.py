@@ -5,7 +5,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from controller.learning.evaluation.failure_rates import Subject, train_subjects
+from controller.learning.evaluation.failure_rates import train_networks
+from controller.learning.fit import TrainedNetwork
 from controller.learning.measures.self_test import Judge, MotionVerdict, self_test
 from controller.learning.recipe import LibraryRecipe, read_recipe, recipe_of
 from controller.learning.trainers.trainer import Trainer, TrainingError, trainer_of
@@ -51,14 +52,14 @@ class Evaluation:
         """A note on what a disturbance of its networks reaches, or an empty string."""
         return self.trainer.noise_note if self.library is None else self.trainer.stored_noise_note
 
-    def networks(self, seeds: Iterable[int], jobs: Jobs, tick: Callable[[], None]) -> list[Subject]:
+    def networks(self, seeds: Iterable[int], jobs: Jobs, tick: Callable[[], None]) -> list[TrainedNetwork]:
         """The library's own network, or one trained for each seed; `tick` is called after each training."""
         if self.library is None:
-            return train_subjects(self.recipe, self.syllabus, seeds, jobs, tick)
+            return train_networks(self.recipe, self.syllabus, seeds, jobs, tick)
         loaded = load_library(self.library)
-        return [Subject(loaded.info.seed, loaded.info.seed, loaded.network)]
+        return [TrainedNetwork(loaded.info.seed, loaded.network, {}, asked=loaded.info.seed)]
 
-    def failing(self, networks: Sequence[Subject]) -> list[str]:
+    def failing(self, networks: Sequence[TrainedNetwork]) -> list[str]:
         """The motions of a library's network that are not right even when nothing disturbs them."""
         if self.library is None:
             return []

@@ -2,21 +2,19 @@
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from joblib import delayed
-from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from controller.learning.fit import first_to_pass, settle
+from controller.learning.fit import TrainedNetwork, first_to_pass, settle
 from controller.learning.measures.disturbance import Kind, disturbed
 from controller.learning.measures.self_test import Judge, after_disturbance
 from controller.learning.recipe import LibraryRecipe
 from controller.learning.training_set import TrainingSet
 from controller.networks import guard
-from controller.networks.base import AnyNetwork
 from motiondeck_base.jobs import ALONE, Jobs, spread
 
 Tick = Callable[[], None]
@@ -28,39 +26,29 @@ Z_95 = 1.959964  # of a normal distribution, for an interval of 95 %
 
 
 @dataclass(frozen=True)
-class Subject:
-    """A trained network that is disturbed."""
-
-    seed: int
-    drawn: int  # seed of the network, later than `seed` if an earlier one failed the self-test
-    network: AnyNetwork
-    weights: NDArray[np.float32] | None = None  # W of a conceptor network, shape (N, N); a library keeps W U only
-
-
-@dataclass(frozen=True)
 class Count:
     """The failures of one motion of one network."""
 
     motion: str
     loop: bool
     seed: int
-    drawn: int  # as in `Subject`
+    drawn: int  # seed of the network, later than `seed` if an earlier one failed the self-test
     runs: int
     intrinsic: int  # failures without a guard
     guarded: int | None  # failures with one; None if it was not asked for, or the network needs none
     reason: str  # of the first intrinsic failure, or ""
 
 
-def train_subjects(
+def train_networks(
     recipe: LibraryRecipe, syllabus: TrainingSet, seeds: Iterable[int], jobs: Jobs = ALONE, tick: Tick = lambda: None
-) -> list[Subject]:
+) -> list[TrainedNetwork]:
     """The networks of a recipe, one per seed, in order."""
     return gathered((delayed(_train)(recipe, syllabus, seed) for seed in seeds), jobs, tick)
 
 
 def sweep(
     kind: Kind,
-    subjects: list[Subject],
+    networks: list[TrainedNetwork],
     syllabus: TrainingSet,
     runs: int,
     *,
@@ -77,8 +65,8 @@ def sweep(
     """
     judge = syllabus.judge(holds=holds)
     tasks = (
-        delayed(_count)(kind, subject, motion, runs, judge, len(syllabus.frames[motion]), guarded)
-        for subject in subjects
+        delayed(_count)(kind, trained, motion, runs, judge, len(syllabus.frames[motion]), guarded)
+        for trained in networks
         for motion in motions or syllabus.frames
     )
     return gathered(tasks, jobs, tick)
@@ -93,17 +81,17 @@ def gathered(tasks: Iterable[Any], jobs: Jobs, tick: Tick) -> list[Any]:
     return results
 
 
-def _train(recipe: LibraryRecipe, syllabus: TrainingSet, seed: int) -> Subject:
+def _train(recipe: LibraryRecipe, syllabus: TrainingSet, seed: int) -> TrainedNetwork:
     """Trains a network; as in `fit`, other seeds are tried if a motion fails its self-test, but not `as_recorded`."""
     lessons, judge = syllabus.lessons(), syllabus.judge(holds=not recipe.as_recorded)
     seeds = [seed + SEEDS_APART * attempt for attempt in range(1 if recipe.as_recorded else ATTEMPTS)]
     with threadpool_limits(1):
         taught = first_to_pass(seeds, lambda drawn: settle(recipe.network, lessons, drawn, judge))
-    return Subject(seed, taught.seed, taught.network, taught.weights)
+    return replace(taught, asked=seed)
 
 
-def _count(kind: Kind, subject: Subject, motion: str, runs: int, judge: Judge, length: int, guarded: bool) -> Count:
-    network, loop = subject.network, judge.loops[motion]
+def _count(kind: Kind, one: TrainedNetwork, motion: str, runs: int, judge: Judge, length: int, guarded: bool) -> Count:
+    network, loop = one.network, judge.loops[motion]
     watches: list[guard.LossWatch | None] = [None]
     if guarded and network.as_autonomous is not None:
         scale = guard.spread(network)
@@ -114,13 +102,13 @@ def _count(kind: Kind, subject: Subject, motion: str, runs: int, judge: Judge, l
     with threadpool_limits(1):
         for watch in watches:
             # The same noise for both; only the guard differs.
-            rng = np.random.default_rng([subject.seed, network.motions.index(motion), kind == "stability"])
-            played = disturbed(kind, network, motion, runs, rng, watch, subject.weights)
+            rng = np.random.default_rng([one.asked, network.motions.index(motion), kind == "stability"])
+            played = disturbed(kind, network, motion, runs, rng, watch, one.weights)
             verdicts = [after_disturbance(network, judge, motion, run.astype(np.float64)) for run in played]
             failed.append(sum(not verdict.passed for verdict in verdicts))
             reason = reason or next((verdict.reason for verdict in verdicts if not verdict.passed), "")
     intrinsic, with_guard = failed[0], failed[1] if len(failed) > 1 else None
-    return Count(motion, loop, subject.seed, subject.drawn, runs, intrinsic, with_guard, reason)
+    return Count(motion, loop, one.asked, one.seed, runs, intrinsic, with_guard, reason)
 
 
 def wilson(failures: float, runs: float) -> tuple[float, float]:

@@ -337,15 +337,13 @@ def _rest_places(skeleton: Skeleton, marks: Landmarks, recorded: Array | None = 
 def _landmark_places(skeleton: Skeleton, marks: Landmarks, root: Array, rotation: Array) -> tuple[Array, Array]:
     """Positions of root and landmarks, shape (T, 20, 3), and rotations of the bones that end there, (T, 20, 4)."""
     joints = skeleton.joints(root, rotation)
-    index = {bone: 1 + number for number, bone in enumerate(CANONICAL_BONES)}
     place = np.empty((len(joints), 20, 3))
     turned = np.empty((len(joints), 20, 4))
     hips = 0.5 * (joints[:, marks.joint["lhip"]] + joints[:, marks.joint["rhip"]])
     place[:, 0] = hips if marks.root is None else joints[:, marks.root]
     turned[:, 0] = rotation[:, 0]
     leg = float(skeleton.length[marks.bone["lkne"]] + skeleton.length[marks.bone["lank"]])
-    for bone, parent, rest in zip(CANONICAL_BONES, JAEGER_PARENT, JAEGER_REST, strict=True):
-        at = index[bone]
+    for at, (bone, parent, rest) in enumerate(zip(CANONICAL_BONES, JAEGER_PARENT, JAEGER_REST, strict=True), 1):
         turned[:, at] = rotation[:, 1 + marks.bone[bone]] if bone in marks.bone else turned[:, 1 + parent]
         if bone == "back":
             continue
@@ -360,5 +358,5 @@ def _landmark_places(skeleton: Skeleton, marks: Landmarks, root: Array, rotation
             place[:, at] = start + rotate(carrier, np.array(rest) * share * leg)
         if bone == "neck":
             waist = 0.5 * (place[:, 0] + place[:, at]) if marks.waist is None else joints[:, marks.waist]
-            place[:, index["back"]] = waist
+            place[:, 1 + _BACK] = waist
     return place, turned

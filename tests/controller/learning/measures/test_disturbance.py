@@ -4,8 +4,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import synthetic
-from controller.learning.evaluation.failure_rates import Subject, grouped, sweep, wilson
+from controller.learning.evaluation.failure_rates import grouped, sweep, wilson
 from controller.learning.evaluation.tables import failure_table
+from controller.learning.fit import TrainedNetwork
 from controller.learning.measures.disturbance import STEPS, disturbed, stress_test
 from controller.learning.measures.self_test import after_disturbance, self_test
 from controller.learning.trainers.echo_state import EchoStateRecipe
@@ -126,7 +127,12 @@ def test_a_guarded_run_is_what_a_guard_plays(conceptors):
 def test_a_sweep_counts_by_motion_and_seed(conceptors, syllabus):
     ticks = []
     counts = sweep(
-        "stability", [Subject(3, 3, conceptors)], syllabus, 4, motions=["march", "bow"], tick=lambda: ticks.append(1)
+        "stability",
+        [TrainedNetwork(3, conceptors, {}, asked=3)],
+        syllabus,
+        4,
+        motions=["march", "bow"],
+        tick=lambda: ticks.append(1),
     )
     assert [(count.motion, count.loop, count.seed, count.runs) for count in counts] == [
         ("march", True, 3, 4),
@@ -141,7 +147,9 @@ def test_a_sweep_counts_by_motion_and_seed(conceptors, syllabus):
 
 
 def test_motions_are_counted_alone_and_without_a_guard(conceptors, syllabus):
-    counts = sweep("robustness", [Subject(0, 0, conceptors)], syllabus, 2, motions=["march", "wave"], guarded=False)
+    counts = sweep(
+        "robustness", [TrainedNetwork(0, conceptors, {})], syllabus, 2, motions=["march", "wave"], guarded=False
+    )
     rows = failure_table("t", counts, []).rows
     assert [row["motion"] for row in rows[:2]] == ["march", "wave"]
     assert "guarded %" not in rows[0]
