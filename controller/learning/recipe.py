@@ -168,8 +168,7 @@ def check_recipe(recipe: LibraryRecipe, path: Path, data: Path | None = None) ->
 
     Else FileFormatError has a line for each problem, with the path and what is allowed.
     """
-    problems = [*_motion_problems(recipe), *_network_problems(recipe)]
-    problems += [] if data is None else _missing_files(recipe, data)
+    problems = [*_problems(recipe), *([] if data is None else _missing_files(recipe, data))]
     if problems:
         raise FileFormatError.listing(str(path), problems)
     return recipe
@@ -201,7 +200,7 @@ def _missing_files(recipe: LibraryRecipe, data: Path) -> Iterator[str]:
             yield str(error)
 
 
-def _motion_problems(recipe: LibraryRecipe) -> Iterator[str]:
+def _problems(recipe: LibraryRecipe) -> Iterator[str]:
     names = [motion.name for motion in recipe.motions]
     if not names:
         yield "there are no [[motions]] in it"
@@ -221,6 +220,11 @@ def _motion_problems(recipe: LibraryRecipe) -> Iterator[str]:
         yield f"loop_keeps is {recipe.loop_keeps}; it lies between 0.1 and 1"
     if recipe.rate is not None and not 10.0 <= recipe.rate <= 1000.0:
         yield f"rate is {recipe.rate}; it lies between 10 and 1000 Hz"
+    yield from _size_problems(recipe.network)
+    trainer = trainer_of(recipe.network)
+    if trainer.center_driven and recipe.as_recorded:
+        yield "as_recorded is for networks that run by themselves; centers need closed loops and ends that hold"
+    yield from trainer.problems(recipe.network, names)
 
 
 def _input_problems(motion: MotionRecipe, recipe: LibraryRecipe) -> Iterator[str]:
@@ -260,14 +264,6 @@ def _size_problems(network: NetworkRecipe) -> Iterator[str]:
         most = 20_000 if field in {"neurons", "features"} else 1.0 if field == "leak" else 1e6
         if not least <= value <= most:
             yield f"network.{field} is {value}; it lies between {least} and {most}"
-
-
-def _network_problems(recipe: LibraryRecipe) -> Iterator[str]:
-    trainer = trainer_of(recipe.network)
-    yield from _size_problems(recipe.network)
-    if trainer.center_driven and recipe.as_recorded:
-        yield "as_recorded is for networks that run by themselves; centers need closed loops and ends that hold"
-    yield from trainer.problems(recipe.network, [motion.name for motion in recipe.motions])
 
 
 def recipe_text(recipe: LibraryRecipe, folder: Path | None = None) -> str:

@@ -50,12 +50,10 @@ class Anatomy:
 
 def anatomy(skeleton: Skeleton) -> Anatomy:
     """The parts of any skeleton, by names or else by shape; other bones are "other"."""
-    return named_anatomy(skeleton) or _by_shape_but_names(skeleton)
-
-
-def _by_shape_but_names(skeleton: Skeleton) -> Anatomy:
-    """The parts by shape, without limbs of which a bone is named as another part: such a name is right."""
+    if (named := named_anatomy(skeleton)) is not None:
+        return named
     shape = shaped_anatomy(skeleton)
+    # A limb is none if one of its bones is named as another part: such a name is right.
     refuted = {
         (kind, side)
         for of, part, side in zip(named_parts(skeleton.bones), shape.part, shape.side, strict=True)

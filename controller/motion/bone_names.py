@@ -186,8 +186,7 @@ def _besides_parts(names: Iterable[tuple[str, ...]]) -> frozenset[str]:
     """The words that most names contain besides the part: a prefix or suffix of an exporter."""
     parts: dict[frozenset[str], set[tuple[str, Side]]] = {}
     for words in names:
-        found = _besides_part(words)
-        if found is not None:
+        if (found := _besides_part(words)) is not None:
             besides, part = found
             parts.setdefault(besides, set()).add(part)
     return max(parts, key=lambda words: (len(parts[words]), -len(words), sorted(words)), default=frozenset())

@@ -3,13 +3,12 @@
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from controller.learning.evaluation.failure_rates import train_networks
 from controller.learning.fit import TrainedNetwork
 from controller.learning.measures.self_test import Judge, MotionVerdict, self_test
 from controller.learning.recipe import LibraryRecipe, read_recipe, recipe_of
-from controller.learning.trainers.trainer import Trainer, TrainingError, trainer_of
+from controller.learning.trainers.trainer import TrainingError, trainer_of
 from controller.learning.training_set import TrainingSet, prepare
 from controller.library.motion_library import load_library
 from controller.networks.clip.network import ClipPlayer
@@ -43,14 +42,10 @@ class Evaluation:
         return ClipPlayer(self.syllabus.frames, self.syllabus.loops)
 
     @property
-    def trainer(self) -> Trainer[Any]:
-        """The trainer of its kind of network."""
-        return trainer_of(self.recipe.network)
-
-    @property
     def noise_note(self) -> str:
         """A note on what a disturbance of its networks reaches, or an empty string."""
-        return self.trainer.noise_note if self.library is None else self.trainer.stored_noise_note
+        trainer = trainer_of(self.recipe.network)
+        return trainer.noise_note if self.library is None else trainer.stored_noise_note
 
     def networks(self, seeds: Iterable[int], jobs: Jobs, tick: Callable[[], None]) -> list[TrainedNetwork]:
         """The library's own network, or one trained for each seed; `tick` is called after each training."""

@@ -81,14 +81,6 @@ class OnlineRecognizer:
         self.frames = 0  # processed
         self.skipped = 0  # with NaN or infinite values
 
-    def reset(self) -> None:
-        """Returns to the initial state."""
-        self._state[:] = 0.0
-        self._error[:] = 0.0
-        self._weight = 0.0
-        self.costs[:] = np.nan
-        self.frames = self.skipped = 0
-
     def update(self, frame: Array) -> None:
         """Processes the next frame, shape (C,); one that is not finite is skipped and counted."""
         if not math.isfinite(frame.sum()):  # half the time of checking each number

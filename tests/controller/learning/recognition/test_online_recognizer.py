@@ -72,14 +72,6 @@ def test_a_gap_is_skipped_and_does_not_last(bank):
     assert np.isfinite(online.costs).all()
 
 
-def test_reset_forgets(bank):
-    online = see(OnlineRecognizer(bank, 0.1, 30.0), features(clip("wave", "cem"), LOOK))
-    online.reset()
-    frames = features(clip("march", "cem"), LOOK)
-    fresh = see(OnlineRecognizer(bank, 0.1, 30.0), frames)
-    assert np.array_equal(see(online, frames).costs, fresh.costs)
-
-
 def test_a_memory_that_is_no_time_is_refused(bank):
     with pytest.raises(MotiondeckError, match="memory"):
         OnlineRecognizer(bank, 0.0, 30.0, memory=0.0)
