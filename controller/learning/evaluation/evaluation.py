@@ -1,10 +1,12 @@
 """The subject of an evaluation: a recipe, whose networks are trained, or a library, with their recordings."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from controller.learning.evaluation.failure_rates import train_networks
+from joblib import delayed
+
+from controller.learning.evaluation.failure_rates import Tick, gathered, train_network
 from controller.learning.fit import TrainedNetwork
 from controller.learning.measures.self_test import Judge, MotionVerdict, self_test
 from controller.learning.recipe import LibraryRecipe, read_recipe, recipe_of
@@ -47,10 +49,11 @@ class Evaluation:
         trainer = trainer_of(self.recipe.network)
         return trainer.noise_note if self.library is None else trainer.stored_noise_note
 
-    def networks(self, seeds: Iterable[int], jobs: Jobs, tick: Callable[[], None]) -> list[TrainedNetwork]:
+    def networks(self, seeds: Iterable[int], jobs: Jobs, tick: Tick) -> list[TrainedNetwork]:
         """The library's own network, or one trained for each seed; `tick` is called after each training."""
         if self.library is None:
-            return train_networks(self.recipe, self.syllabus, seeds, jobs, tick)
+            tasks = (delayed(train_network)(self.recipe, self.syllabus, seed) for seed in seeds)
+            return gathered(tasks, jobs, tick)
         loaded = load_library(self.library)
         return [TrainedNetwork(loaded.info.seed, loaded.network, {}, asked=loaded.info.seed)]
 
@@ -62,7 +65,7 @@ class Evaluation:
         return [name for name, verdict in verdicts.items() if not verdict.passed]
 
     def training_errors(
-        self, seeds: Iterable[int], tick: Callable[[], None]
+        self, seeds: Iterable[int], tick: Tick
     ) -> tuple[list[TrainingError], list[dict[str, MotionVerdict]]]:
         """Errors and self-tests of a network per seed, as of `training_error`; MotiondeckError for a library."""
         if self.library is not None:

@@ -39,13 +39,6 @@ class Count:
     reason: str  # of the first intrinsic failure, or ""
 
 
-def train_networks(
-    recipe: LibraryRecipe, syllabus: TrainingSet, seeds: Iterable[int], jobs: Jobs = ALONE, tick: Tick = lambda: None
-) -> list[TrainedNetwork]:
-    """The networks of a recipe, one per seed, in order."""
-    return gathered((delayed(_train)(recipe, syllabus, seed) for seed in seeds), jobs, tick)
-
-
 def sweep(
     kind: Kind,
     networks: list[TrainedNetwork],
@@ -81,7 +74,7 @@ def gathered(tasks: Iterable[Any], jobs: Jobs, tick: Tick) -> list[Any]:
     return results
 
 
-def _train(recipe: LibraryRecipe, syllabus: TrainingSet, seed: int) -> TrainedNetwork:
+def train_network(recipe: LibraryRecipe, syllabus: TrainingSet, seed: int) -> TrainedNetwork:
     """Trains a network; as in `fit`, other seeds are tried if a motion fails its self-test, but not `as_recorded`."""
     lessons, judge = syllabus.lessons(), syllabus.judge(holds=not recipe.as_recorded)
     seeds = [seed + SEEDS_APART * attempt for attempt in range(1 if recipe.as_recorded else ATTEMPTS)]

@@ -64,14 +64,11 @@ def numbers(
         if separator != ",":
             text = text.replace(",", ".")
         words = words_of(text, separator) if '"' in text or "'" in text else text.split(separator)
-        found[frame] = _numbers_of(Line(path, number, words), count, largest)
+        line = Line(path, number, words)
+        if len(words) != count:
+            raise line.error(f"{len(words)} values, but the first line names {count}. (Decimals have a dot.)")
+        found[frame] = [*line.numbers_or_gaps(words[:1], _LATEST), *line.numbers_or_gaps(words[1:], largest)]
     return found
-
-
-def _numbers_of(line: Line, count: int, largest: float) -> list[float]:
-    if len(line.words) != count:
-        raise line.error(f"{len(line.words)} values, but the first line names {count}. (Decimals have a dot.)")
-    return [*line.numbers_or_gaps(line.words[:1], _LATEST), *line.numbers_or_gaps(line.words[1:], largest)]
 
 
 def even_times(time: Array, position: Array, lines: list[Line]) -> tuple[float, Array]:

@@ -6,7 +6,7 @@ import pytest
 
 import synthetic
 from controller.learning.evaluation.evaluation import training_error
-from controller.learning.evaluation.failure_rates import sweep, train_networks
+from controller.learning.evaluation.failure_rates import sweep, train_network
 from controller.learning.recipe import LibraryRecipe, MotionRecipe
 from controller.learning.trainers.centralized import CentralizedRecipe
 from controller.learning.trainers.phase_conceptor import PhaseRecipe
@@ -28,7 +28,7 @@ def syllabus():
 
 @pytest.fixture(scope="module")
 def subject(syllabus):
-    return train_networks(RECIPE, syllabus, [0])[0]
+    return train_network(RECIPE, syllabus, 0)
 
 
 @pytest.mark.parametrize("motion", list(synthetic.MOTIONS))
