@@ -1,6 +1,6 @@
 """The interfaces of the deck to its neighbours: joint limits, retargeting, and the outputs that receive targets."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -29,12 +29,9 @@ class PlacedPose(Pose):
     robot_root: Array  # position, m, and quaternion, shape (7,)
 
 
-class Retargeter(Protocol):
-    """Carries the pose of a human skeleton to the joints of one robot."""
-
-    def __call__(self, pose: Pose) -> Array:
-        """Joint targets, shape (J,), rad; they need not obey the limits. The caller copies what it keeps."""
-        ...
+Retargeter = Callable[[Pose], Array]
+"""Carries the pose of a human skeleton to the joints of one robot: targets, shape (J,), rad, which need not obey its
+limits. The caller copies what it keeps."""
 
 
 class Output(Protocol):

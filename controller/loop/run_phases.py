@@ -1,6 +1,6 @@
 """The phases of a run as a stream of safe targets: approach, play, home, emergency stop, and the final stop."""
 
-# ruff: noqa: D102 (`deck.deck.Deck` and `output_channel.Channel` document what protocols have)
+# ruff: noqa: D102 (`deck.deck.Deck` documents what a `Player` has)
 
 import math
 from collections.abc import Callable, Iterator, Sequence
@@ -10,7 +10,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from controller.loop.correction import Correction
-from controller.loop.output_channel import FaultCounter
+from controller.loop.output_channel import Channel, FaultCounter
 from controller.loop.safety.approach import Approach
 from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.loop.stop_requests import StopRequest
@@ -28,23 +28,15 @@ class Player(Protocol):
     def update(self, dt: float) -> tuple[Array, Pose]: ...
 
 
-class Measuring(Protocol):
-    """What measures joint positions, such as the channel of an output."""
-
-    @property
-    def measured(self) -> Array | None: ...
-    @property
-    def held(self) -> Array | None: ...
-    @property
-    def at_rest(self) -> bool: ...
-
-
 class Start(NamedTuple):
-    """The joint positions to begin at, shape (J,), rad; fits `Measuring`."""
+    """The joint positions to begin at, shape (J,), rad, in place of a channel."""
 
     measured: Array | None
     held: None = None
     at_rest: bool = True
+
+
+Measuring = Channel | Start
 
 
 class Source:

@@ -228,11 +228,11 @@ class ReservoirNetwork(Network[Motion]):
         self._frame = np.zeros((*runs, channels), dtype=np.float32)
 
     @abstractmethod
-    def with_motions(self, more: dict[str, Motion], runs: int | None = None) -> Self:
-        """The same reservoir with further motions, of one run or of several."""
+    def with_motions(self, more: dict[str, Motion], runs: tuple[int, ...] = ()) -> Self:
+        """The same reservoir with further motions, of one run or of several with a leading shape."""
 
     def twin(self, runs: int | None = None) -> Self:
-        return self.with_motions({}, runs)
+        return self.with_motions({}, lead_shape(runs))
 
     def noise_size(self, motion: str) -> int:
         return self.neurons

@@ -20,7 +20,7 @@ def record(state: Path, out: Path) -> int:
     Returns how many ticks are missing, because this process was held up for longer than the shared memory keeps them.
     FileFormatError if there is no such deck, or the file cannot be written.
     """
-    reader = StateReader.open(state)
+    reader = StateReader(state)
     writer = RecordingWriter(out, reader.description, reader.fields)
     number, lost, ended = 0, 0, False
     while not ended:

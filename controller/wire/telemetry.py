@@ -14,7 +14,7 @@ import struct
 import zlib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Self
+from typing import Annotated, Any
 
 import msgspec
 import numpy as np
@@ -39,18 +39,16 @@ class _StateHeader(msgspec.Struct, forbid_unknown_fields=True):
     slots: Annotated[int, msgspec.Meta(gt=1, le=_MOST_SLOTS)] = _SLOTS
 
 
-class _Layout:
-    """The size of the file, and views of its parts."""
+def _layout(header_bytes: int, header: _StateHeader) -> tuple[int, int]:
+    """Where `latest` lies, and the size of the file."""
+    control = -(-(16 + header_bytes) // 64) * 64
+    return control, control + 64 + 8 * header.slots * (sum(header.fields.values()) + 3)
 
-    def __init__(self, header_bytes: int, fields: Mapping[str, int], slots: int) -> None:
-        self._slots, self.values = slots, sum(fields.values())
-        self._control = -(-(16 + header_bytes) // 64) * 64
-        self.size = self._control + 64 + 8 * slots * (self.values + 3)
 
-    def views_of(self, memory: mmap.mmap) -> tuple[NDArray[np.uint64], NDArray[np.uint64]]:
-        """The numbers `latest` and `ended`, and the words of each slot, shape (slots, values + 3)."""
-        words = np.frombuffer(memory, np.uint64, offset=self._control)
-        return words[:2], words[8:].reshape(self._slots, -1)
+def _views_of(memory: mmap.mmap, control: int, slots: int) -> tuple[NDArray[np.uint64], NDArray[np.uint64]]:
+    """The numbers `latest` and `ended`, and the words of each slot, shape (slots, values + 3)."""
+    words = np.frombuffer(memory, np.uint64, offset=control)
+    return words[:2], words[8:].reshape(slots, -1)
 
 
 def named(values: Array, fields: Mapping[str, int]) -> dict[str, Array]:
@@ -62,29 +60,23 @@ def named(values: Array, fields: Mapping[str, int]) -> dict[str, Array]:
 class StateWriter:
     """The loop's side: fill `fields` in place, then `publish`."""
 
-    def __init__(self, memory: mmap.mmap, layout: _Layout, fields: Mapping[str, int]) -> None:
-        self._control, self._slots = layout.views_of(memory)
-        self.values = np.full(layout.values, np.nan)
-        self._words = self.values.view(np.uint64)
-        self._number = 0
-        # The values of the next `publish`, each a float64 array to write into; NaN until it is written.
-        self.fields = named(self.values, fields)
-
-    @classmethod
-    def create(cls, path: Path, description: Mapping[str, Any], fields: Mapping[str, int], slots: int = _SLOTS) -> Self:
+    def __init__(
+        self, path: Path, description: Mapping[str, Any], fields: Mapping[str, int], slots: int = _SLOTS
+    ) -> None:
         """Creates the file, readable by its owner only, in place of an older one; it appears complete or not at all.
 
         It is in a directory of the owner's; the caller removes both at the end. Of the states as many as there are
         slots, at least 2, are kept for readers that need every one of them. MotiondeckError if there is no room for it.
         """
-        header = msgspec.json.encode(_StateHeader(dict(description), dict(fields), os.getpid(), slots))
-        layout = _Layout(len(header), fields, slots)
+        about = _StateHeader(dict(description), dict(fields), os.getpid(), slots)
+        header = msgspec.json.encode(about)
+        control, size = _layout(len(header), about)
         draft = path.with_name(f".{path.name}.{os.getpid()}")
         draft.unlink(missing_ok=True)
         handle = os.open(draft, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o600)
         try:
-            allocate(handle, layout.size, path)
-            memory = mmap.mmap(handle, layout.size)
+            allocate(handle, size, path)
+            memory = mmap.mmap(handle, size)
         except MotiondeckError:
             draft.unlink(missing_ok=True)
             raise
@@ -92,7 +84,12 @@ class StateWriter:
             os.close(handle)
         memory[: 16 + len(header)] = _MAGIC + struct.pack("<Q", len(header)) + header
         draft.replace(path)
-        return cls(memory, layout, fields)
+        self._control, self._slots = _views_of(memory, control, slots)
+        self.values = np.full(sum(fields.values()), np.nan)
+        self._words = self.values.view(np.uint64)
+        self._number = 0
+        # The values of the next `publish`, each a float64 array to write into; NaN until it is written.
+        self.fields = named(self.values, fields)
 
     def publish(self, **values: Array | float) -> None:
         """Publishes the state in `fields`, after setting the given ones; others keep their value."""
@@ -115,14 +112,7 @@ class StateWriter:
 class StateReader:
     """A reader's side; it never disturbs the writer."""
 
-    def __init__(self, memory: mmap.mmap, layout: _Layout, header: _StateHeader) -> None:
-        self.description = header.description
-        self.fields = header.fields
-        self._writer = header.writer
-        self._control, self._slots = layout.views_of(memory)
-
-    @classmethod
-    def open(cls, path: Path) -> Self:
+    def __init__(self, path: Path) -> None:
         """Opens what a StateWriter has made; FileFormatError if the file cannot be opened or is not a state file."""
         try:
             with path.open("rb") as file:
@@ -131,15 +121,16 @@ class StateReader:
                 if length >= _MOST_BYTES:
                     raise FileFormatError(f"{path}: this is not a state file of a motion deck")
                 header = msgspec.json.decode(file.read(length), type=_StateHeader)
-                layout = _Layout(length, header.fields, header.slots)
-                if layout.size > _MOST_BYTES or os.fstat(file.fileno()).st_size != layout.size:
+                control, size = _layout(length, header)
+                if size > _MOST_BYTES or os.fstat(file.fileno()).st_size != size:
                     raise FileFormatError(f"{path}: this state file is cut short or damaged")
-                memory = mmap.mmap(file.fileno(), layout.size, access=mmap.ACCESS_READ)
+                memory = mmap.mmap(file.fileno(), size, access=mmap.ACCESS_READ)
         except OSError as error:
             raise FileFormatError(f"{path}: cannot be read ({error.strerror}); is the deck running?") from error
         except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
             raise FileFormatError(f"{path}: the description of this state file is damaged ({error})") from error
-        return cls(memory, layout, header)
+        self.description, self.fields, self._writer = header.description, header.fields, header.writer
+        self._control, self._slots = _views_of(memory, control, header.slots)
 
     @property
     def ended(self) -> bool:

@@ -45,7 +45,7 @@ def view(state: Path, command_port: int | None, port: int) -> None:
     latest_start = time.monotonic() + LONGEST_WAIT
     while not state.exists() and os.getppid() == parent and time.monotonic() < latest_start:
         time.sleep(0.01)
-    reader = StateReader.open(state)
+    reader = StateReader(state)
     about = msgspec.convert(reader.description, PageDescription)
     numbers = SnapshotNumbers(about.motions, recognizable=about.recognizable, joints=about.joints)
 

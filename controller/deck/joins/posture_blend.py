@@ -28,20 +28,9 @@ from math import cos
 import numpy as np
 from numpy.typing import NDArray
 
+from controller.motion import rotations as rot
 from controller.motion.quintic import run_out
-from controller.motion.rotations import (
-    Array,
-    conjugate,
-    dot,
-    from_rotation_vector,
-    multiply,
-    nearest_rotation_vector,
-    normalise,
-    rotate,
-    to_rotation_vector,
-    yaw,
-)
-from controller.motion.rotations import between as shortest_turn
+from controller.motion.rotations import Array
 from controller.motion.skeleton import Posture
 
 HEADING_RATE = 4.0  # 1/s, at which the smooth heading follows that of the hips (critically damped, of second order)
@@ -69,8 +58,8 @@ class SmoothHeading:
 
     def in_frame(self, posture: Posture) -> tuple[Array, Array]:
         """The rotations (1 + B, 4) and the velocity (3,) of a posture, seen from the smooth heading."""
-        back = yaw(self.offset)
-        return multiply(back, posture.rotation), rotate(back, np.array([*posture.velocity, 0.0]))
+        back = rot.yaw(self.offset)
+        return rot.multiply(back, posture.rotation), rot.rotate(back, np.array([*posture.velocity, 0.0]))
 
 
 def smooth_headings(turn_rate: Array, dt: float) -> tuple[Array, Array]:
@@ -138,7 +127,7 @@ class PostureBlend:
         """Adds a motion, the last from now on, with a weight of 0 so far; its heading is that of the blend."""
         points = posture.rotation
         self._headings.append(SmoothHeading(float(posture.turn_rate)))
-        points = np.where(dot(points, self._mean)[:, None] < 0.0, -points, points)
+        points = np.where(rot.dot(points, self._mean)[:, None] < 0.0, -points, points)
         self._points = np.concatenate([self._points, points[None]])
         self._weights = np.append(self._weights, 0.0)
 
@@ -177,12 +166,14 @@ class PostureBlend:
         if sides is not None:
             self._begin_turns(sides, (before, self._points), (was, share), left, dt)
         if self._left.lasts:
-            shown = multiply(from_rotation_vector(self._left.now), shown)
+            shown = rot.multiply(rot.from_rotation_vector(self._left.now), shown)
         # Seen from a heading again that is the hips' own when one motion is left.
         turn_rate = rate + (offset - self._offset) / max(dt, 1e-9)
         self._offset = offset
-        forth = yaw(-offset)
-        return Posture(np.array(height), rotate(forth, velocity)[:2], np.array(turn_rate), multiply(forth, shown))
+        forth = rot.yaw(-offset)
+        return Posture(
+            np.array(height), rot.rotate(forth, velocity)[:2], np.array(turn_rate), rot.multiply(forth, shown)
+        )
 
     def _followed(self, seen: Array, last: Array) -> Array:
         """The points of one motion, shape (1 + B, 4), on the sides of its last ones."""
@@ -192,8 +183,8 @@ class PostureBlend:
             if True in jumps:
                 jumped = np.flatnonzero(jumps)
                 rest, bones = self._rest_direction[jumped], jumped + 1
-                turn = shortest_turn(rotate(last[bones], rest), rotate(points[bones], rest))
-                points[bones] = multiply(turn, last[bones])
+                turn = rot.between(rot.rotate(last[bones], rest), rot.rotate(points[bones], rest))
+                points[bones] = rot.multiply(turn, last[bones])
         return points
 
     def _change_sides(self, weight: Array) -> Array | None:
@@ -235,29 +226,31 @@ class PostureBlend:
         was, now = points[0][:, bones], points[1][:, bones]
         shown_before = weighted_mean(was, weights[0])
         if left is not None:
-            shown_before = multiply(from_rotation_vector(left[bones]), shown_before)
-        shown = multiply(from_rotation_vector(self._left.now[bones]), weighted_mean(change * now, weights[1]))
-        before = to_rotation_vector(multiply(shown_before, conjugate(weighted_mean(change * was, weights[0]))))
-        turn = to_rotation_vector(multiply(shown, conjugate(self._mean[bones])))
+            shown_before = rot.multiply(rot.from_rotation_vector(left[bones]), shown_before)
+        shown = rot.multiply(rot.from_rotation_vector(self._left.now[bones]), weighted_mean(change * now, weights[1]))
+        before = rot.to_rotation_vector(
+            rot.multiply(shown_before, rot.conjugate(weighted_mean(change * was, weights[0])))
+        )
+        turn = rot.to_rotation_vector(rot.multiply(shown, rot.conjugate(self._mean[bones])))
         # Half a turn runs out against the way on which the bone turns, which is slower than along with it.
         angle = np.linalg.norm(turn, axis=-1)
-        along = dot(turn, to_rotation_vector(multiply(shown, conjugate(shown_before)))) < 0.0
+        along = rot.dot(turn, rot.to_rotation_vector(rot.multiply(shown, rot.conjugate(shown_before)))) < 0.0
         around = np.flatnonzero(along & (angle > _HALF_TURN))
         turn[around] *= 1.0 - 2.0 * np.pi / angle[around, None]
-        self._left.begin(bones, turn, (turn - nearest_rotation_vector(before, turn)) / max(dt, 1e-9))
+        self._left.begin(bones, turn, (turn - rot.nearest_rotation_vector(before, turn)) / max(dt, 1e-9))
 
 
 def weighted_mean(points: Array, weights: Array) -> Array:
     """The mean of unit quaternions (M, ..., 4) on the sides that are given, with weights (M, ...) that sum to 1."""
     share = weights.reshape(*weights.shape, *[1] * (points.ndim - weights.ndim))
-    mean = normalise((share * points).sum(0))
+    mean = rot.normalise((share * points).sum(0))
     for _ in range(MEAN_STEPS if len(points) > 2 else 1):
         cosine = _product(points, mean)
         across = points - cosine * mean
         sine = np.sqrt(_product(across, across))
         step = (share * np.arctan2(sine, cosine) / np.maximum(sine, _LITTLE) * across).sum(0)
         angle = np.sqrt(_product(step, step))
-        mean = normalise(np.cos(angle) * mean + np.sin(angle) / np.maximum(angle, _LITTLE) * step)
+        mean = rot.normalise(np.cos(angle) * mean + np.sin(angle) / np.maximum(angle, _LITTLE) * step)
     return mean
 
 

@@ -19,18 +19,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from controller.motion import rotations as rot
 from controller.motion.quintic import run_out, run_out_rates
-from controller.motion.rotations import (
-    Array,
-    conjugate,
-    from_rotation_vector,
-    multiply,
-    nearest_rotation_vector,
-    rotate,
-    to_rotation_vector,
-    yaw,
-)
-from controller.motion.rotations import between as shortest_turn
+from controller.motion.rotations import Array
 from controller.motion.skeleton import Posture
 
 
@@ -81,7 +72,7 @@ def difference(
         twists.append((twist[0] - twist[1]) / dt)
     rotation = np.stack([before.rotation, now.rotation], axis=1)  # of what is shown, and of the target
     earlier, turn = _turn(rotation[0], rotation[1])
-    turn_rate = (turn - nearest_rotation_vector(earlier, turn)) / dt
+    turn_rate = (turn - rot.nearest_rotation_vector(earlier, turn)) / dt
     drift = _drift(now)
     drift_rate = (drift - _drift(before)) / dt
     value = np.concatenate([turn, drift[:1] - drift[1:], *map(np.zeros_like, twists)])
@@ -90,15 +81,15 @@ def difference(
 
 def displaced(target: Posture, left: Array, turned: float) -> Posture:
     """A target with what is left of a difference, shape (rows, 3), its heading turned by some rad since the switch."""
-    back, parts = yaw(-turned), len(target.rotation)
-    rotation = multiply(from_rotation_vector(rotate(back, left[:parts])), target.rotation)
+    back, parts = rot.yaw(-turned), len(target.rotation)
+    rotation = rot.multiply(rot.from_rotation_vector(rot.rotate(back, left[:parts])), target.rotation)
     if len(left) > parts + 1:
-        rotation[1:] = multiply(rotation[1:], from_rotation_vector(left[parts + 1 :]))
+        rotation[1:] = rot.multiply(rotation[1:], rot.from_rotation_vector(left[parts + 1 :]))
     height, *velocity = left[parts]
     return replace(
         target,
         height=target.height + height,
-        velocity=target.velocity + rotate(back, np.array([*velocity, 0.0]))[:2],
+        velocity=target.velocity + rot.rotate(back, np.array([*velocity, 0.0]))[:2],
         rotation=rotation,
     )
 
@@ -113,12 +104,12 @@ def extrapolated(before: Posture, now: Posture, dt: float, rest_direction: Array
         earlier, _ = _untwisted(earlier, now, rest_direction)
     step = _turn(now.rotation, earlier.rotation)
     turned = float(now.turn_rate) * dt
-    back = yaw(-turned)
+    back = rot.yaw(-turned)
     return replace(
         now,
         height=2.0 * now.height - before.height,
-        velocity=rotate(back, np.append(now.velocity, 0.0))[:2],
-        rotation=multiply(back, multiply(from_rotation_vector(step), now.rotation)),
+        velocity=rot.rotate(back, np.append(now.velocity, 0.0))[:2],
+        rotation=rot.multiply(back, rot.multiply(rot.from_rotation_vector(step), now.rotation)),
     )
 
 
@@ -147,7 +138,7 @@ def _from_now(before: Posture, now: Posture, dt: float) -> Posture:
     cosine, sine = np.cos(turned), np.sin(turned)
     forward, left = before.velocity[..., 0], before.velocity[..., 1]
     velocity = np.stack([cosine * forward + sine * left, cosine * left - sine * forward], axis=-1)
-    return replace(before, velocity=velocity, rotation=multiply(yaw(-turned)[..., None, :], before.rotation))
+    return replace(before, velocity=velocity, rotation=rot.multiply(rot.yaw(-turned)[..., None, :], before.rotation))
 
 
 def _untwisted(before: Posture, now: Posture, rest_direction: Array) -> tuple[Posture, Array]:
@@ -156,14 +147,14 @@ def _untwisted(before: Posture, now: Posture, rest_direction: Array) -> tuple[Po
     The twists are rotation vectors about the bones in the rest pose, shape (..., B, 3), rad.
     """
     bones, present = before.rotation[..., 1:, :], now.rotation[..., 1:, :]
-    was, here = rotate(np.stack([bones, present]), rest_direction)
-    untwisted = multiply(shortest_turn(here, was), present)
-    twist = to_rotation_vector(multiply(conjugate(bones), untwisted))
+    was, here = rot.rotate(np.stack([bones, present]), rest_direction)
+    untwisted = rot.multiply(rot.between(here, was), present)
+    twist = rot.to_rotation_vector(rot.multiply(rot.conjugate(bones), untwisted))
     return replace(before, rotation=np.concatenate([before.rotation[..., :1, :], untwisted], axis=-2)), twist
 
 
 def _turn(shown: Array, target: Array) -> Array:
-    return to_rotation_vector(multiply(shown, conjugate(target)))
+    return rot.to_rotation_vector(rot.multiply(shown, rot.conjugate(target)))
 
 
 def _drift(posture: Posture) -> Array:

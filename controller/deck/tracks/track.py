@@ -83,7 +83,9 @@ class Track:
         core = library.network.twin()
         self._core, autonomous = core, core.as_autonomous
         # Restarts the network where it loses its motion; None where it cannot.
-        self.guard = _guard(autonomous, library) if autonomous is not None else None
+        lengths = {motion.name: motion.frames for motion in library.info.motions}
+        loops = {name: motion.loop for name, motion in motions.items()}
+        self.guard = Guard(autonomous, lengths, loops, library.info.rate) if autonomous is not None else None
         self._mixture = None if core.as_phase_network is not None else Mixture(self.guard or core, autonomous)
         others = beside.player if beside is not None else None
         self.player = FramePlayer(self._mixture or core, library.info.rate, others)
@@ -197,10 +199,3 @@ class Track:
         self.at, self._backwards = anchor * motion.spacing, False
         whole = motion.seconds
         self._round = (self.at - whole, self.at + whole) if motion.loop else (0.0, whole)
-
-
-def _guard(network: AutonomousNetwork, library: MotionLibrary) -> Guard:
-    motions = library.info.motions
-    lengths = {motion.name: motion.frames for motion in motions}
-    loops = {motion.name: motion.plays == "loop" for motion in motions}
-    return Guard(network, lengths, loops, library.info.rate)

@@ -29,15 +29,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from controller.networks.base import (
-    AutonomousNetwork,
-    Channels,
-    Float32,
-    ReservoirNetwork,
-    Rows,
-    lead_shape,
-    require_playing,
-)
+from controller.networks.base import AutonomousNetwork, Channels, Float32, ReservoirNetwork, Rows, require_playing
 from controller.networks.storage import StoredNetwork
 
 LARGEST_NOISE = 2.0  # beyond it |s + noise| > 1, which tanh never gives: |s| <= 1
@@ -70,8 +62,8 @@ class ConceptorNetwork(ReservoirNetwork[ConceptorMotion]):
         self._outside: Any = False  # runs that a displacement took out of the range of tanh
         self.cue(self.motions[0], 0)
 
-    def with_motions(self, more: dict[str, ConceptorMotion], runs: int | None = None) -> ConceptorNetwork:
-        return ConceptorNetwork(self._of | more, lead_shape(runs))
+    def with_motions(self, more: dict[str, ConceptorMotion], runs: tuple[int, ...] = ()) -> ConceptorNetwork:
+        return ConceptorNetwork(self._of | more, runs)
 
     @property
     def as_autonomous(self) -> AutonomousNetwork:

@@ -18,15 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.motion.encodings.normalisation import Normalisation
-from controller.networks.base import (
-    AutonomousNetwork,
-    Channels,
-    Float32,
-    ReservoirNetwork,
-    Rows,
-    lead_shape,
-    require_playing,
-)
+from controller.networks.base import AutonomousNetwork, Channels, Float32, ReservoirNetwork, Rows, require_playing
 from controller.networks.storage import StoredNetwork, arrays_of
 
 OUTPUT_BOUND = 1.05
@@ -77,9 +69,9 @@ class EchoStateNetwork(ReservoirNetwork[EchoStateMotion]):
         self._lowest_x, self._lowest_y = -self._highest_x, -self._highest_y
         self.cue(self.motions[0], 0)
 
-    def with_motions(self, more: dict[str, EchoStateMotion], runs: int | None = None) -> EchoStateNetwork:
+    def with_motions(self, more: dict[str, EchoStateMotion], runs: tuple[int, ...] = ()) -> EchoStateNetwork:
         shared = self.weights, self.feedback, self.bias, self.leak, self.normalisation
-        return EchoStateNetwork(*shared, self._of | more, clipped=self.clipped, runs=lead_shape(runs))
+        return EchoStateNetwork(*shared, self._of | more, clipped=self.clipped, runs=runs)
 
     @property
     def as_autonomous(self) -> AutonomousNetwork:

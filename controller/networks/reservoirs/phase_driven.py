@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from controller.motion.encodings.normalisation import Normalisation
 from controller.motion.rotations import Array, Indices
-from controller.networks.base import Channels, Float32, PhaseNetwork, ReservoirNetwork, lead_shape
+from controller.networks.base import Channels, Float32, PhaseNetwork, ReservoirNetwork
 from controller.networks.reservoirs.phase_reservoir import ANCHOR_EVERY, SETTLING_STEPS, PhaseCourse, PhaseReservoir
 from controller.networks.storage import LEVELS, DrivingInput, MotionHeader, PhaseScales, StoredNetwork, arrays_of
 from motiondeck_base.arrays_on_disk import release
@@ -181,8 +181,8 @@ class PhaseDrivenNetwork(ReservoirNetwork[Motion]):
         self._player: PhasePlayer[Motion] = first.player(0, state, first.usual, runs)
         self.activation = self._player.activation
 
-    def with_motions(self, more: dict[str, Motion], runs: int | None = None) -> Self:
-        return type(self)(self.scales, self.seed, self.normalisation, self._of | more, lead_shape(runs))
+    def with_motions(self, more: dict[str, Motion], runs: tuple[int, ...] = ()) -> Self:
+        return type(self)(self.scales, self.seed, self.normalisation, self._of | more, runs)
 
     def only(self, motions: Collection[str]) -> Self:
         return type(self)(self.scales, self.seed, self.normalisation, {name: self[name] for name in motions})

@@ -110,7 +110,7 @@ def recording(out: Path, description: Mapping[str, Any], rate: float) -> Iterato
     fields |= {"root_position": 3, "heading": 1, "root_rotation": 4, "robot_root": 7}
     with run_folder() as folder:
         state = folder / "ticks"
-        writer = StateWriter.create(state, description, fields, slots=max(2, int(np.ceil(KEPT_SECONDS * rate))))
+        writer = StateWriter(state, description, fields, slots=max(2, int(np.ceil(KEPT_SECONDS * rate))))
         with child_process("controller.wire.recorder", str(state), str(out), patience=_PATIENCE) as process:
             try:
                 yield TickRecorder(writer, numbers, description["motions"], process, state, out)

@@ -124,7 +124,7 @@ class Page:
     def __init__(self, state: Path, contents: PageContents, description: PageDescription) -> None:
         names = {"recognizable": description.recognizable, "joints": description.joints}
         self._numbers, empty = SnapshotNumbers(description.motions, **names), contents.arrays
-        self._writer = StateWriter.create(state, msgspec.to_builtins(description), self._numbers.sizes | empty.sizes)
+        self._writer = StateWriter(state, msgspec.to_builtins(description), self._numbers.sizes | empty.sizes)
         self._arrays = PictureArrays.over(self._writer.fields, empty.shapes)
         self._reason_file = state.with_name(REASON_FILE)
         self._servos = contents.servos

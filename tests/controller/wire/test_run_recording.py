@@ -130,8 +130,8 @@ def test_older_versions_are_still_read(tmp_path, monkeypatch, version):
 
 
 def test_readers_can_have_every_state_that_is_still_there(tmp_path):
-    writer = StateWriter.create(tmp_path / "s", {}, {"x": 1}, slots=16)
-    reader = StateReader.open(tmp_path / "s")
+    writer = StateWriter(tmp_path / "s", {}, {"x": 1}, slots=16)
+    reader = StateReader(tmp_path / "s")
     assert reader.since(0)[1].shape == (0, 1)
     for value in range(1, 11):
         writer.publish(x=value)
@@ -145,7 +145,7 @@ def test_readers_can_have_every_state_that_is_still_there(tmp_path):
 
 
 def test_the_recorder_records_all_that_is_left_when_the_deck_ends(tmp_path):
-    writer = StateWriter.create(tmp_path / "s", DESCRIPTION, FIELDS, slots=100)
+    writer = StateWriter(tmp_path / "s", DESCRIPTION, FIELDS, slots=100)
     for row in rows(0, 50):
         writer.publish(tick=row[0], targets=row[1:])
     writer.close()
@@ -158,7 +158,7 @@ DYING_DECK = """
 import os, signal, sys, time
 from pathlib import Path
 from controller.wire.telemetry import StateWriter
-writer = StateWriter.create(Path(sys.argv[1]), {"motions": [], "rate": 100.0}, {"tick": 1, "targets": 2}, slots=1000)
+writer = StateWriter(Path(sys.argv[1]), {"motions": [], "rate": 100.0}, {"tick": 1, "targets": 2}, slots=1000)
 for tick in range(200):
     writer.publish(tick=tick)
 sys.stdin.readline()

@@ -20,8 +20,8 @@ def path(tmp_path):
 
 
 def test_what_is_published_is_read(path):
-    writer = StateWriter.create(path, DESCRIPTION, FIELDS)
-    reader = StateReader.open(path)
+    writer = StateWriter(path, DESCRIPTION, FIELDS)
+    reader = StateReader(path)
     assert reader.description == DESCRIPTION
     assert reader.read() is None
     writer.publish(qpos=np.arange(27.0), tick=5.0)
@@ -37,8 +37,8 @@ def test_what_is_published_is_read(path):
 
 
 def test_what_was_read_stays_as_it_was(path):
-    writer = StateWriter.create(path, DESCRIPTION, FIELDS)
-    reader = StateReader.open(path)
+    writer = StateWriter(path, DESCRIPTION, FIELDS)
+    reader = StateReader(path)
     writer.publish(tick=1.0)
     state = reader.read()
     for tick in range(2, 30):
@@ -51,14 +51,14 @@ def test_what_was_read_stays_as_it_was(path):
 
 
 def test_the_file_is_its_owners_alone(path):
-    StateWriter.create(path, DESCRIPTION, FIELDS)
+    StateWriter(path, DESCRIPTION, FIELDS)
     assert stat.S_IMODE(path.stat().st_mode) == 0o600
     assert list(path.parent.iterdir()) == [path]
 
 
 def test_readers_learn_that_the_writer_has_closed(path):
-    writer = StateWriter.create(path, DESCRIPTION, FIELDS)
-    reader = StateReader.open(path)
+    writer = StateWriter(path, DESCRIPTION, FIELDS)
+    reader = StateReader(path)
     writer.publish(tick=3.0)
     assert not reader.ended
     writer.close()
@@ -73,11 +73,11 @@ def test_readers_learn_that_the_writer_was_killed(path):
     program = (
         "import os, pathlib, signal, sys\n"
         "from controller.wire.telemetry import StateWriter\n"
-        "StateWriter.create(pathlib.Path(sys.argv[1]), {}, {'x': 1}).publish(x=4.0)\n"
+        "StateWriter(pathlib.Path(sys.argv[1]), {}, {'x': 1}).publish(x=4.0)\n"
         "os.kill(os.getpid(), signal.SIGKILL)\n"
     )
     subprocess.run([sys.executable, "-c", program, str(path)], check=False)
-    reader = StateReader.open(path)
+    reader = StateReader(path)
     assert reader.ended
     state = reader.read()
     assert state is not None
@@ -85,9 +85,9 @@ def test_readers_learn_that_the_writer_was_killed(path):
 
 
 def test_a_slot_that_is_torn_is_never_shown(path):
-    writer = StateWriter.create(path, DESCRIPTION, FIELDS)
+    writer = StateWriter(path, DESCRIPTION, FIELDS)
     writer.publish(qpos=np.ones(27))
-    reader = StateReader.open(path)
+    reader = StateReader(path)
     words = writer._slots[1]
     for place in range(len(words)):
         before = words[place]
@@ -99,11 +99,11 @@ def test_a_slot_that_is_torn_is_never_shown(path):
 
 def test_another_process_never_sees_a_torn_state(path):
     """The writer publishes numbers that belong together as fast as it can; the reader checks each state it sees."""
-    writer = StateWriter.create(path, {}, {"number": 1, "block": 5000, "mirror": 1})
+    writer = StateWriter(path, {}, {"number": 1, "block": 5000, "mirror": 1})
     program = (
         "import pathlib, sys\n"
         "from controller.wire.telemetry import StateReader\n"
-        "reader = StateReader.open(pathlib.Path(sys.argv[1]))\n"
+        "reader = StateReader(pathlib.Path(sys.argv[1]))\n"
         "print('ready', flush=True)\n"
         "seen, last = 0, -1.0\n"
         "ended = False\n"
@@ -130,7 +130,7 @@ def test_another_process_never_sees_a_torn_state(path):
 
 def test_a_file_that_is_missing_is_named(path):
     with pytest.raises(FileFormatError, match=r"state: cannot be read \(No such file.*is the deck running"):
-        StateReader.open(path)
+        StateReader(path)
 
 
 @given(st.binary(max_size=200))
@@ -138,13 +138,13 @@ def test_an_alien_file_is_refused(tmp_path_factory, data):
     path = tmp_path_factory.getbasetemp() / "alien"
     path.write_bytes(data)
     with pytest.raises(FileFormatError, match="alien"):
-        StateReader.open(path)
+        StateReader(path)
 
 
 @given(st.data())
 def test_a_damaged_file_is_refused_or_says_no_more_than_it_did(tmp_path_factory, data):
     path = tmp_path_factory.getbasetemp() / "damaged"
-    writer = StateWriter.create(path, DESCRIPTION, FIELDS)
+    writer = StateWriter(path, DESCRIPTION, FIELDS)
     writer.publish(tick=7.0)
     content = bytearray(path.read_bytes())
     if data.draw(st.booleans()):
@@ -154,7 +154,7 @@ def test_a_damaged_file_is_refused_or_says_no_more_than_it_did(tmp_path_factory,
     copy = path.with_name("copy")
     copy.write_bytes(content)
     try:
-        state = StateReader.open(copy).read()
+        state = StateReader(copy).read()
     except FileFormatError:
         return
     assert state is None or 7.0 in [value for field in state.values() for value in field]
@@ -164,9 +164,9 @@ def test_a_header_that_claims_too_much_is_refused(path):
     header = b'{"description":{},"fields":{"x":99999999999},"writer":1}'
     path.write_bytes(b"MDTELEM1" + len(header).to_bytes(8, "little") + header + bytes(4096))
     with pytest.raises(FileFormatError, match="cut short or damaged"):
-        StateReader.open(path)
+        StateReader(path)
 
 
 def test_a_field_that_is_not_described_is_a_mistake(path):
     with pytest.raises(KeyError, match="speed"):
-        StateWriter.create(path, DESCRIPTION, FIELDS).publish(speed=1.0)
+        StateWriter(path, DESCRIPTION, FIELDS).publish(speed=1.0)

@@ -65,7 +65,7 @@ class FakeDeck:
         )
         self.numbers = SnapshotNumbers(MOTIONS)
         sizes = self.numbers.sizes | arrays.sizes
-        self.writer = StateWriter.create(self.state, msgspec.to_builtins(about), sizes)
+        self.writer = StateWriter(self.state, msgspec.to_builtins(about), sizes)
         self.server = CommandServer(0)
         self.received, self.subscribers, self.news = [], [], []
         self.stride = 0.0  # m a tick

@@ -31,7 +31,7 @@ def test_a_motion_that_has_begun_is_not_shown_as_the_next_one(tmp_path):
     seen = set()
     about, numbers = PageDescription(model_file="", robot="", motions=[*deck.motions]), SnapshotNumbers(deck.motions)
     with closing(Page(tmp_path / "state", contents, about)) as page:
-        reader = StateReader.open(tmp_path / "state")
+        reader = StateReader(tmp_path / "state")
         for _ in range(500):
             deck.update(DT)
             page.show(snapshots.take(stop), loop, None)
