@@ -39,7 +39,3 @@ def shadowed(beside: Path = HOME) -> Iterator[str]:
             f"{found[0]} stands in front of Motiondeck's own package '{package}' in {beside}. Start from another "
             "folder, take that one off PYTHONPATH, or rename it."
         )
-
-
-if __name__ == "__main__":
-    main()

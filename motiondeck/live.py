@@ -13,7 +13,7 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from types import TracebackType
-from typing import Any, Literal, ParamSpec
+from typing import IO, Any, Literal, ParamSpec
 
 import msgspec
 
@@ -45,73 +45,6 @@ _MOST_AT_ONCE = 32  # commands of all threads that await their reply; a deck tak
 _news = msgspec.json.Decoder(LiveMessage)
 
 
-class DeckProcess:
-    """A process that has been started to play.
-
-    It has pipes to its standard input, which keeps it alive, and from its output. Its end closes what was `opened`.
-    """
-
-    def __init__(self, process: subprocess.Popen[bytes], opened: contextlib.ExitStack) -> None:
-        """Waits until it plays. MotiondeckError if it cannot begin, and why."""
-        self._process, self._opened = process, opened
-        self._starter = os.getpid()
-        self.report: dict[str, Any] | None = None  # how the run went; None until it has ended
-        assert process.stdout is not None
-        self._stdout = process.stdout
-        first = self._stdout.readline()
-        ready = _news.decode(first) if first else None
-        # A report may be longer than the pipe holds, so a thread reads it while the deck ends.
-        self._reader = threading.Thread(target=self._read_report, daemon=True)
-        self._reader.start()
-        if not isinstance(ready, Ready):
-            self.end()
-            raise MotiondeckError(ready.reason if isinstance(ready, Failed) else self.how_it_ended)
-        self.ready = ready  # the port for commands, the page's, and the motions
-
-    @property
-    def in_fork(self) -> bool:
-        """Whether this is a fork of the process that started it: only that one can wait for it."""
-        return os.getpid() != self._starter
-
-    @property
-    def running(self) -> bool:
-        """Whether it still plays."""
-        return self._process.poll() is None
-
-    def wait(self, timeout: float | None) -> bool:
-        """Waits up to `timeout` seconds for its end, without a limit if None; whether it has ended."""
-        try:
-            self._process.wait(timeout)  # the report is read by the thread meanwhile
-        except subprocess.TimeoutExpired:
-            return False
-        return True
-
-    def end(self) -> None:
-        """Waits for it and takes its report; it is killed if it does not end. May be called twice."""
-        if not self.wait(_ENDS_WITHIN):
-            self._process.kill()
-            self._process.wait()
-        self._reader.join()
-        assert self._process.stdin is not None
-        self._process.stdin.close()
-        self._stdout.close()
-        self._opened.close()
-
-    @property
-    def how_it_ended(self) -> str:
-        """Why it has ended, as far as that is known."""
-        if self.report is not None:
-            return f"the deck has ended: {self.report['reason']}"
-        code = self._process.returncode
-        return f"the deck's process broke off with exit code {code}; its own message stands above"
-
-    def _read_report(self) -> None:
-        for line in self._stdout:
-            news = _news.decode(line)
-            if isinstance(news, Ended):
-                self.report = news.report
-
-
 @dataclass(frozen=True)
 class CommandedMotion:
     """A motion that a deck has been commanded to play.
@@ -141,11 +74,27 @@ class LiveDeck(DeckCommands[CommandedMotion]):
     """
 
     # A misspelt name, as in `deck.tmpo = 2`, is an error and not an attribute more.
-    __slots__ = ("_client", "_process", "_turns", "command_port", "motions", "page")
+    __slots__ = (
+        *("_client", "_opened", "_process", "_reader", "_report", "_starter", "_turns"),
+        *("command_port", "motions", "page"),
+    )
 
-    def __init__(self, process: DeckProcess) -> None:
-        self._process = process
-        ready = process.ready
+    def __init__(self, process: subprocess.Popen[bytes], opened: contextlib.ExitStack) -> None:
+        """Waits until a process plays. MotiondeckError if it cannot begin, and why.
+
+        It has pipes to its standard input, which keeps it alive, and from its output. Its end closes what was `opened`.
+        """
+        self._process, self._opened, self._starter = process, opened, os.getpid()
+        self._report: dict[str, Any] | None = None
+        assert process.stdout is not None
+        first = process.stdout.readline()
+        ready = _news.decode(first) if first else None
+        # A report may be longer than the pipe holds, so a thread reads it while the deck ends.
+        self._reader = threading.Thread(target=self._read_report, args=(process.stdout,), daemon=True)
+        self._reader.start()
+        if not isinstance(ready, Ready):
+            self._end()
+            raise MotiondeckError(ready.reason if isinstance(ready, Failed) else self._how_it_ended)
         self.motions = tuple(ready.motions)
         self.command_port = ready.command_port
         self.page = f"http://127.0.0.1:{ready.page_port}" if ready.page_port is not None else None
@@ -162,12 +111,12 @@ class LiveDeck(DeckCommands[CommandedMotion]):
     def running(self) -> bool:
         """Whether it still plays."""
         self._refuse_fork()
-        return self._process.running
+        return self._process.poll() is None
 
     @property
     def report(self) -> dict[str, Any] | None:
         """How the run went, as `motiondeck play --json` prints it; None until it has ended."""
-        return self._process.report
+        return self._report
 
     def beat(self, at: float | None = None) -> None:
         """Gives the deck one beat, and locks it to beats if it is not.
@@ -196,7 +145,7 @@ class LiveDeck(DeckCommands[CommandedMotion]):
             client.request(commands.Subscribe(), _ANSWERS_WITHIN)
         except SocketError:
             client.close()
-            raise SocketError(self._process.how_it_ended) from None
+            raise SocketError(self._how_it_ended) from None
         return _events_of(client)
 
     def wait(self, timeout: float | None = None) -> dict[str, Any]:
@@ -205,25 +154,57 @@ class LiveDeck(DeckCommands[CommandedMotion]):
         MotiondeckError if it has not ended in time, or ended without a report.
         """
         self._refuse_fork()
-        if not self._process.wait(timeout):
+        if not self._has_ended(timeout):
             raise MotiondeckError(f"the deck still plays after {timeout:g} s")
-        self._process.end()
-        if self.report is None:
-            raise MotiondeckError(self._process.how_it_ended)
-        return self.report
+        self._end()
+        if self._report is None:
+            raise MotiondeckError(self._how_it_ended)
+        return self._report
 
     def close(self) -> None:
         """Brings the joints to rest and ends the deck; may be called twice. In a forked process it does nothing."""
-        if self._process.in_fork:
+        if os.getpid() != self._starter:
             return
         if self.running:
             with contextlib.suppress(SocketError):
                 self._client.post(commands.Stop())
-        self._process.end()
+        self._end()
         self._client.close()
 
+    def _has_ended(self, timeout: float | None) -> bool:
+        """Waits up to `timeout` seconds for the end, without a limit if None; whether the deck has ended."""
+        try:
+            self._process.wait(timeout)  # the report is read by the thread meanwhile
+        except subprocess.TimeoutExpired:
+            return False
+        return True
+
+    def _end(self) -> None:
+        """Waits for the process and takes its report; it is killed if it does not end. May be called twice."""
+        if not self._has_ended(_ENDS_WITHIN):
+            self._process.kill()
+            self._process.wait()
+        self._reader.join()
+        for pipe in (self._process.stdin, self._process.stdout):
+            assert pipe is not None
+            pipe.close()
+        self._opened.close()
+
+    @property
+    def _how_it_ended(self) -> str:
+        if self._report is not None:
+            return f"the deck has ended: {self._report['reason']}"
+        code = self._process.returncode
+        return f"the deck's process broke off with exit code {code}; its own message stands above"
+
+    def _read_report(self, output: IO[bytes]) -> None:
+        for line in output:
+            news = _news.decode(line)
+            if isinstance(news, Ended):
+                self._report = news.report
+
     def _refuse_fork(self) -> None:
-        if self._process.in_fork:
+        if os.getpid() != self._starter:  # only what started a process can wait for it
             raise MotiondeckError(
                 "this deck belongs to the process that started it: command it there, or from anywhere with "
                 f"motiondeck send --command-port {self.command_port}"
@@ -254,8 +235,8 @@ class LiveDeck(DeckCommands[CommandedMotion]):
         CommandError if it is refused, or an argument has another type. SocketError says why a deck has ended.
         """
         if not self.running:
-            self._process.end()
-            raise SocketError(self._process.how_it_ended)
+            self._end()
+            raise SocketError(self._how_it_ended)
         message = with_right_types(message)
         stops = isinstance(message, commands.EmergencyStop)  # it waits for no other command
         try:
@@ -263,9 +244,9 @@ class LiveDeck(DeckCommands[CommandedMotion]):
                 reply = self._client.request(checked(message), _ANSWERS_WITHIN)
         except SocketError:
             # It may just be ending: then its reason is more useful than a missing answer.
-            if self._process.wait(0.0 if stops else 1.0):
-                self._process.end()
-                raise SocketError(self._process.how_it_ended) from None
+            if self._has_ended(0.0 if stops else 1.0):
+                self._end()
+                raise SocketError(self._how_it_ended) from None
             raise
         if isinstance(reply, Accepted | DeckStatus):
             return reply
@@ -326,4 +307,4 @@ def play(*values: Any, **named: Any) -> LiveDeck:
             stdout=subprocess.PIPE,
             start_new_session=True,
         )
-        return LiveDeck(DeckProcess(process, opening.pop_all()))
+        return LiveDeck(process, opening.pop_all())

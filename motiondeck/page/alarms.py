@@ -2,7 +2,6 @@
 
 import re
 import time
-from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import viser
@@ -27,26 +26,21 @@ class ActiveAlarm(NamedTuple):
         return self.title + re.split("[.;] ", self.cause)[0]
 
 
-def with_alarm(alarms: Sequence[ActiveAlarm], title: str, text: str) -> Sequence[ActiveAlarm]:
-    """These alarms and another, which comes first; one about the same is counted."""
-    cause, _, servos = text.partition(BEFORE_NAMES)
-    new = ActiveAlarm(title, cause, servos, 1)
-    times = sum(one.times for one in alarms if one.key == new.key)
-    return [new._replace(times=times + 1), *(one for one in alarms if one.key != new.key)]
-
-
 class Notices:
     """The line of notices, the same in every browser."""
 
     def __init__(self, parts: PageParts) -> None:
         self._part = parts.add("notices", "notices", heard=self._hear)
-        self._alarms: Sequence[ActiveAlarm] = ()
+        self._alarms: list[ActiveAlarm] = []
         self._passing, self._since = ("", ""), 0.0
 
     def add(self, title: str, text: str, *, alarming: bool = False) -> None:
-        """Shows a notice."""
+        """Shows a notice; an alarm comes first, and one about the same is counted."""
         if alarming:
-            self._alarms = with_alarm(self._alarms, title, text)
+            cause, _, servos = text.partition(BEFORE_NAMES)
+            new = ActiveAlarm(title, cause, servos, 1)
+            times = 1 + sum(one.times for one in self._alarms if one.key == new.key)
+            self._alarms = [new._replace(times=times), *(one for one in self._alarms if one.key != new.key)]
         else:
             self._passing, self._since = (title, text), time.monotonic()
         self.show()

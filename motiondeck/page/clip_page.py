@@ -184,10 +184,8 @@ class _Stage:
 
     def _controls(self, frame: int) -> None:
         head = self._head
-        label = "Pause" if head.playing else "Play"
-        if self._play.label != label:
-            self._play.label = label
-            self._play.icon = viser.Icon.PLAYER_PAUSE if head.playing else viser.Icon.PLAYER_PLAY
+        self._play.label = "Pause" if head.playing else "Play"
+        self._play.icon = viser.Icon.PLAYER_PAUSE if head.playing else viser.Icon.PLAYER_PLAY
         if frame != self._shown:
             self._where.content = (
                 f'<div id="where" style="padding:2px 14px 6px;font-size:13px;font-variant-numeric:tabular-nums">'

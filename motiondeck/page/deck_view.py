@@ -1,5 +1,6 @@
 """The page of a deck: the robot, its follower and the human, the panel, the rig and the last minutes."""
 
+from functools import partial
 from pathlib import Path
 
 import mujoco
@@ -18,7 +19,7 @@ from motiondeck.page.panel import Panel
 from motiondeck.page.past import CALLS_BACK, Past
 from motiondeck.page.rig.rig_panel import RigPanel
 from motiondeck.page.rig.servo_look import JointGlow
-from motiondeck.page.rig.servo_tables import query_through
+from motiondeck.page.rig.servo_tables import query_servos
 from motiondeck.page.scene import Follower
 from motiondeck.page.web.page_state import PageDescription, Picture
 from motiondeck.page.web.private_page import PrivatePage
@@ -41,7 +42,9 @@ class DeckView:
         height, model = self._scene.height, self._scene.robot.model
         self._steps = LiveSteps(page, model, np.array(about.rest) if about.rest else model.qpos0, height)
         self._forces = LiveForces(page, about.weight, height) if about.weight else None
-        self._panel = Panel(page, about, commands, look_from=self._scene.look_from, before=self._call_back)
+        self._panel = Panel(
+            page, about, commands, look_from=self._scene.look_from, before=lambda: self._past.call_back()
+        )
         self._network = None
         if about.has_network and about.library_file:
             self._network = NetworkView(page, self._panel.parts, Path(about.library_file), height)
@@ -59,7 +62,7 @@ class DeckView:
         side = gui.add_panel() if rig is not None or about.learn else None
         if side is not None and rig is not None:
             with side.add_tab("Rig", viser.Icon.ENGINE):
-                look = query_through(commands, self._panel.refuse)
+                look = partial(query_servos, commands, self._panel.refuse)
                 self._rig = RigPanel(self._page, parts, rig, self._panel.ask, look)
             self._glow = JointGlow(self._page, model, [servo.joint for servo in rig.servos], self._scene.height)
         if side is not None and about.learn and about.library_file:
@@ -79,7 +82,7 @@ class DeckView:
         self._past.timeline.keep(latest, shown_motions(latest.snapshot), now)
         if clients := self._page.get_clients():  # drawing without a browser costs as much
             self._draw(latest, min(now - self._last_picture, LONGEST_STEP))
-            self._past.show(clients, self._panel.view.now, self._centre, now)
+            self._past.show(clients, self._panel.view(), self._centre, now)
         self._last_picture = now
         servos = latest.servos
         if self._hands is not None and servos is not None:
@@ -96,7 +99,7 @@ class DeckView:
 
     def _draw(self, latest: Picture, dt: float) -> None:
         """Draws a picture, dt seconds after the last."""
-        view, bodies = self._panel.view.now, latest.arrays
+        view, bodies = self._panel.view(), latest.arrays
         if view.follows:
             self._centre = self._camera.follow(bodies.qpos[:2], dt)
         centre = self._centre
@@ -121,9 +124,6 @@ class DeckView:
         if self._hands is not None and picture.servos is not None:
             self._hands.record(picture.snapshot.run_s, picture.servos)
 
-    def _call_back(self) -> None:
-        self._past.call_back()
-
     def show_event(self, event: Event) -> None:
         """Shows an event of the deck."""
         if event.kind in CALLS_BACK:
@@ -134,7 +134,7 @@ class DeckView:
     def end(self, reason: str) -> None:
         """Shows that the run has ended, and why."""
         self._past.call_back()
-        self._past.show(self._page.get_clients(), self._panel.view.now, self._centre, 0.0)
+        self._past.show(self._page.get_clients(), self._panel.view(), self._centre, 0.0)
         self._panel.end(reason)
 
 

@@ -22,7 +22,7 @@ from motiondeck.page.motions.motion_controls import MotionControls
 from motiondeck.page.scene import CAMERAS
 from motiondeck.page.web.page_state import PageDescription
 from motiondeck.page.web.page_style import CURRENT, QUIET, STOPS, STYLE
-from motiondeck.page.web.parts import PageParts, ask
+from motiondeck.page.web.parts import PageParts, Then, ask
 from motiondeck.page.web.private_page import PrivatePage
 from motiondeck.page.web.state_line import ended_line, state_line
 from motiondeck_base.errors import MotiondeckError
@@ -32,35 +32,33 @@ FORCES = "Of the floor on the body; an arrow half as long as the robot is its we
 NETWORK = "The orbits of its neurons, in the three directions that show most"
 
 
-class ViewChoices:
-    """The choices of the viewer, as far as the run has something to show; `look_from` moves the camera of a browser."""
+def view_choices(
+    page: PrivatePage, look_from: Callable[[viser.ClientHandle, str], None], about: PageDescription
+) -> Callable[[], View]:
+    """Adds what the viewer may choose to see of a run, and returns what is chosen; `look_from` moves a camera."""
+    gui = page.gui
+    with gui.add_folder("view", expand_by_default=False):
+        hint = "The pose that the network plays"
+        humans = gui.add_dropdown("human", WAYS, hint=hint) if about.human is not None else None
+        boxes = (
+            gui.add_checkbox("target pose", False, hint=TARGET) if "target" in about.shapes else None,
+            gui.add_checkbox("network", False, hint=NETWORK) if about.has_network else None,
+            gui.add_checkbox("footprints and contacts", False) if about.walks else None,
+            gui.add_checkbox("contact forces", False, hint=FORCES) if about.weight is not None else None,
+            gui.add_checkbox("camera follows", True) if about.walks else None,
+        )
+        cameras = gui.add_button_group("camera", tuple(CAMERAS))
 
-    def __init__(
-        self, page: PrivatePage, look_from: Callable[[viser.ClientHandle, str], None], about: PageDescription
-    ) -> None:
-        gui = page.gui
-        human, forces = about.human is not None, about.weight is not None
-        with gui.add_folder("view", expand_by_default=False):
-            self._human = gui.add_dropdown("human", WAYS, hint="The pose that the network plays") if human else None
-            self._boxes = (
-                gui.add_checkbox("target pose", False, hint=TARGET) if "target" in about.shapes else None,
-                gui.add_checkbox("network", False, hint=NETWORK) if about.has_network else None,
-                gui.add_checkbox("footprints and contacts", False) if about.walks else None,
-                gui.add_checkbox("contact forces", False, hint=FORCES) if forces else None,
-                gui.add_checkbox("camera follows", True) if about.walks else None,
-            )
-            cameras = gui.add_button_group("camera", tuple(CAMERAS))
+    @cameras.on_click
+    def _(event: viser.GuiEvent) -> None:
+        if event.client is not None:  # the browser that pressed it
+            look_from(event.client, str(cameras.value))
 
-        @cameras.on_click
-        def _(event: viser.GuiEvent) -> None:
-            if event.client is not None:  # the browser that pressed it
-                look_from(event.client, str(cameras.value))
+    def chosen() -> View:
+        human = str(humans.value) if humans is not None else WAYS[0]
+        return View(human, *(box is not None and bool(box.value) for box in boxes))
 
-    @property
-    def now(self) -> View:
-        """What is chosen now."""
-        human = str(self._human.value) if self._human is not None else WAYS[0]
-        return View(human, *(box is not None and bool(box.value) for box in self._boxes))
+    return chosen
 
 
 ANSWER_WITHIN = 1.0
@@ -135,7 +133,7 @@ class Panel:
             with gui.add_folder("live values", expand_by_default=False):
                 fixed = {"groups": about.live, "gaze": about.gazes}
                 self.parts.add("live-values", "live-values", fixed, self._follow_hand).show({})
-        self.view = ViewChoices(page, look_from, about)
+        self.view = view_choices(page, look_from, about)
         if about.push_ns:
             self._add_pushes(about.push_ns)
         with gui.add_folder("loop", expand_by_default=False):
@@ -198,20 +196,17 @@ class Panel:
 
     def show(self, now: DeckSnapshot) -> None:
         """Brings buttons, slider and figures up to date."""
-        before, self._state = self._state, now
+        self._state = now
         self._line.content = state_line(now).as_html()
         self._notices.show()
         self.motion_controls.show(now)
-        if now.paused != before.paused:
-            self._pause.label = "Resume" if now.paused else "Pause"
-            self._pause.icon = viser.Icon.PLAYER_PLAY if now.paused else viser.Icon.PLAYER_PAUSE
-        if (now.paused, now.mode) != (before.paused, before.mode):
-            self._step.disabled = not (now.paused and now.mode == "playing")
-        if now.mode != before.mode:
-            self._estop.label = "Reset" if self._stopped else "Emergency stop"
-            self._estop.color = CURRENT if self._stopped else STOPS
-            for control, command in self._controls:
-                control.disabled = now.mode not in command.modes
+        self._pause.label = "Resume" if now.paused else "Pause"
+        self._pause.icon = viser.Icon.PLAYER_PLAY if now.paused else viser.Icon.PLAYER_PAUSE
+        self._step.disabled = not (now.paused and now.mode == "playing")
+        self._estop.label = "Reset" if self._stopped else "Emergency stop"
+        self._estop.color = CURRENT if self._stopped else STOPS
+        for control, command in self._controls:
+            control.disabled = now.mode not in command.modes
         tempo = round(now.commanded_tempo, 2)
         if abs(tempo - self._tempo.value) > 0.024 and time.monotonic() - self._moved > HAND_ON:
             self._tempo.value = min(max(tempo, self._tempo.min), self._tempo.max)
@@ -251,16 +246,7 @@ class Panel:
         text = "The robot comes to rest, and the deck ends. This page then keeps its last picture."
         self.ask(event, "End the run?", text, "End the run", say.Stop(), no="Play on")
 
-    def ask(
-        self,
-        event: viser.GuiEvent,
-        title: str,
-        text: str,
-        yes: str,
-        then: DeckCommand | Callable[[], None],
-        *,
-        no: str = "Cancel",
-    ) -> None:
+    def ask(self, event: viser.GuiEvent, title: str, text: str, yes: str, then: Then, no: str = "Cancel") -> None:
         """Asks for confirmation in the browser that clicked; `yes` sends a message or calls a function."""
         ask(self._page, event, title, text, yes, then if callable(then) else partial(self.send, then), no)
 

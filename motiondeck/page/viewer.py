@@ -74,21 +74,16 @@ def view(state: Path, command_port: int | None, port: int) -> None:
                         shown.record(picture(named(each, reader.fields)))
                 else:
                     last_state = 0
-                show_events(events, shown)
+                with contextlib.suppress(MotiondeckError):  # it may just have ended
+                    while (reply := events.receive(0.0)) is not None:
+                        if isinstance(reply, Event):
+                            shown.show_event(reply)
                 time.sleep(max(0.0, now + 1.0 / PICTURES_PER_SECOND - time.monotonic()))
             shown.end(_reason(state))
     finally:
         if os.getppid() != parent and state.parent.name.startswith("motiondeck-"):
             # A deck that was killed could not tidy up after itself.
             shutil.rmtree(state.parent, ignore_errors=True)
-
-
-def show_events(events: CommandClient, shown: DeckView) -> None:
-    """Shows the events that have arrived; a deck that has ended has none."""
-    with contextlib.suppress(MotiondeckError):
-        while (reply := events.receive(0.0)) is not None:
-            if isinstance(reply, Event):
-                shown.show_event(reply)
 
 
 def _reason(state: Path) -> str:

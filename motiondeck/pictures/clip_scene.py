@@ -31,9 +31,13 @@ def act_of(clip: Clip, robot: Path | None, ghost: bool = True) -> Act:
 
     MotiondeckError if the robot cannot be loaded, or cannot be fitted to this body.
     """
+    from sim.models.scenery import FLOOR
+
     model, qpos, joints, feet = _alone(clip) if robot is None else _beside(clip, robot)
-    if ghost:
-        _fade(model)
+    # The materials of a robot beside the human have a name of two parts.
+    for material in map(model.material, range(model.nmat if ghost else 0)):
+        if material.name != FLOOR and "/" not in material.name:
+            material.rgba[3] = GHOST
     for light in range(model.nlight):
         # One lamp is enough for two bodies.
         model.light_active[light] = "/" not in model.light(light).name
@@ -108,13 +112,3 @@ def _beside(clip: Clip, robot: Path) -> tuple[mujoco.MjModel, Array, Array, list
     feet = list(find_feet(both.human.model, both.human.model.qpos0))
     feet += [replace(foot, body=PREFIX + foot.body) for foot in feet_of(both.robot)]
     return both.model, qpos, clip.joints() * both.scale, feet
-
-
-def _fade(model: mujoco.MjModel) -> None:
-    """Makes the human translucent; the materials of a robot beside it have a name of two parts."""
-    from sim.models.scenery import FLOOR
-
-    for index in range(model.nmat):
-        name = model.material(index).name
-        if name != FLOOR and "/" not in name:
-            model.mat_rgba[index, 3] = GHOST

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import re
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -70,6 +69,9 @@ def film_look(
 
 def film_run(spec: RunSpec, program: Program, video: Path, look: FilmLook) -> tuple[dict[str, Any], str]:
     """Films a run, by default all its timeline: report and line for the terminal. MotiondeckError by its commands."""
+    from sim.models.robot_file import solver_named
+    from sim.robots.robot import load_robot
+
     for timed in program.timeline:
         try:
             timed.message.row.check_use("film")
@@ -80,25 +82,6 @@ def film_run(spec: RunSpec, program: Program, video: Path, look: FilmLook) -> tu
         seconds = max(SHORTEST, max((one.at for one in program.timeline), default=0) + AFTER_LAST)
     library = program.source
     assert isinstance(library, MotionLibrary), "a clip is for a rig, and a film has none"
-    deck = partial(Deck, library, motion=program.first, direct=spec.direct, joining=spec.join)
-    report = film(spec, library, deck, program.timeline, seconds, video, look)
-    fell_back = f"; {report['fell_back']}" if report["fell_back"] else ""
-    return report, f"wrote {video} ({seconds:g} s, {video.stat().st_size / 1e6:.1f} MB){fell_back}"
-
-
-def film(
-    spec: RunSpec,
-    library: MotionLibrary,
-    deck_for: Callable[[Callable[..., Any]], Deck],
-    timeline: Sequence[Timed],
-    seconds: float,
-    out: Path,
-    look: FilmLook,
-) -> dict[str, object]:
-    """Films a run; its report, as `play --video --json` prints it. MotiondeckError says when a command is refused."""
-    from sim.models.robot_file import solver_named
-    from sim.robots.robot import load_robot
-
     file = find_robot(spec.robot or "mannequin")
     body = load_robot(file, library.skeleton, solver_named(spec.solver), 1.0 / STEPS_A_SECOND)
     if spec.walk:
@@ -106,9 +89,11 @@ def film(
 
         body = able_to_walk(body, file)
     total = max(1, round(seconds * look.fps))
-    deck = deck_for(body.retarget)
-    report = film_frames(body.drawn, _shots(deck, body, timeline, total, look, spec), total, out, look)
-    return report | {"fell_back": deck.fell_back}
+    deck = Deck(library, body.retarget, program.first, direct=spec.direct, joining=spec.join)
+    frames = _shots(deck, body, program.timeline, total, look, spec)
+    report = film_frames(body.drawn, frames, total, video, look) | {"fell_back": deck.fell_back}
+    fell_back = f"; {deck.fell_back}" if deck.fell_back else ""
+    return report, f"wrote {video} ({seconds:g} s, {video.stat().st_size / 1e6:.1f} MB){fell_back}"
 
 
 def film_frames(model: Any, frames: Iterable[Array | Shot], total: int, out: Path, look: FilmLook) -> dict[str, object]:

@@ -10,8 +10,6 @@ import numpy as np
 from motiondeck.pictures.figures import new_figure, save
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from controller.learning.evaluation.tables import Table
 
 _LABELS = {
@@ -30,29 +28,6 @@ def draw_bars(table: Table, path: Path) -> None:
 
     MotiondeckError if the file cannot be written, as for the pictures below.
     """
-    save(_bars(table), path)
-
-
-def draw_spread(table: Table, path: Path) -> None:
-    """A panel for each measure: median, quarters and the range from 5 to 95 % of the details, by method."""
-    methods = list(dict.fromkeys(str(row["method"]) for row in table.details))
-    figure = new_figure(3.2 * len(table.draws), 4.5)
-    figure.suptitle(table.title)
-    for axes, name in zip(np.atleast_1d(figure.subplots(1, len(table.draws))), table.draws, strict=True):
-        seen = [[float(row[name] or 0.0) for row in table.details if row["method"] == method] for method in methods]
-        axes.boxplot(seen, whis=(5, 95), showfliers=False)
-        axes.set_xticks(np.arange(1, len(methods) + 1), methods, rotation=30, ha="right")
-        if name == "frames":
-            axes.set_title("frames on the way")
-            axes.set_ylim(bottom=0.0)
-        else:
-            axes.set_title(f"{_LABELS.get(name, name)}\n(both motions' own = 1)")
-            axes.axhline(1.0, color="grey", linewidth=0.8)
-            axes.set_yscale("log")
-    save(figure, path)
-
-
-def _bars(table: Table) -> Figure:
     label = next(iter(table.rows[0]))
     rows = [row for row in table.rows if any(isinstance(row.get(name), int | float) for name in table.draws)]
     # Percentages below rows in another unit are not drawn among them.
@@ -78,4 +53,23 @@ def _bars(table: Table) -> Figure:
             axes.legend()
         else:
             axes.set_ylabel(_LABELS.get(names[0], names[0]))
-    return figure
+    save(figure, path)
+
+
+def draw_spread(table: Table, path: Path) -> None:
+    """A panel for each measure: median, quarters and the range from 5 to 95 % of the details, by method."""
+    methods = list(dict.fromkeys(str(row["method"]) for row in table.details))
+    figure = new_figure(3.2 * len(table.draws), 4.5)
+    figure.suptitle(table.title)
+    for axes, name in zip(np.atleast_1d(figure.subplots(1, len(table.draws))), table.draws, strict=True):
+        seen = [[float(row[name] or 0.0) for row in table.details if row["method"] == method] for method in methods]
+        axes.boxplot(seen, whis=(5, 95), showfliers=False)
+        axes.set_xticks(np.arange(1, len(methods) + 1), methods, rotation=30, ha="right")
+        if name == "frames":
+            axes.set_title("frames on the way")
+            axes.set_ylim(bottom=0.0)
+        else:
+            axes.set_title(f"{_LABELS.get(name, name)}\n(both motions' own = 1)")
+            axes.axhline(1.0, color="grey", linewidth=0.8)
+            axes.set_yscale("log")
+    save(figure, path)

@@ -26,14 +26,14 @@ from waiting import PATIENCE, quick, runs, until
 PROGRAM = """
 import motiondeck, sys
 deck = motiondeck.play(sys.argv[1], physics=False, rate=100.0)
-print(deck._process._process.pid, flush=True)
+print(deck._process.pid, flush=True)
 sys.stdin.read()
 """
 
 FORKING_PROGRAM = """
 import motiondeck, os, sys, time
 deck = motiondeck.play(sys.argv[1], physics=False, rate=100.0)
-print(deck._process._process.pid, flush=True)
+print(deck._process.pid, flush=True)
 child = os.fork()
 if child == 0:
     time.sleep(60.0)
@@ -116,13 +116,13 @@ def test_a_deck_that_is_held_up_says_within_half_a_second_that_it_takes_no_stop(
                 deck.emergency_stop()
 
         asking = [threading.Thread(target=deck.status) for _ in range(40)]  # more than may wait at once
-        os.kill(deck._process._process.pid, signal.SIGSTOP)
+        os.kill(deck._process.pid, signal.SIGSTOP)
         try:
             for thread in asking:
                 thread.start()
             quick(stop, 1.2)
         finally:
-            os.kill(deck._process._process.pid, signal.SIGCONT)
+            os.kill(deck._process.pid, signal.SIGCONT)
         for thread in asking:
             thread.join()
         assert deck.status().mode == "emergency stop"  # it is taken as soon as the deck goes on
@@ -278,8 +278,8 @@ def test_what_cannot_be_played_is_said_in_one_line(wanted, says):
 
 def test_a_deck_that_breaks_off_is_noticed(library, capfd):
     deck = motiondeck.play(library, "march", physics=False, rate=100.0)
-    os.kill(deck._process._process.pid, signal.SIGKILL)
-    deck._process._process.wait()
+    os.kill(deck._process.pid, signal.SIGKILL)
+    deck._process.wait()
     with pytest.raises(MotiondeckError, match="broke off with exit code -9"):
         deck.wait()
     deck.close()

@@ -35,9 +35,8 @@ class KeySheet:
     def of(cls, written: Keyframes) -> "KeySheet":
         """The sheet of a file; its `rest` is a key at 0 s."""
         unit = math.degrees if written.unit == "rad" else float
-        sheet = cls(
-            written.plays, written.length or max((key.at for key in written.key), default=1.0), {}, written.rate
-        )
+        length = written.length or max((key.at for key in written.key), default=1.0)
+        sheet = cls(written.plays, length, rate=written.rate)
         for key in written.key:
             sheet.set(key.at, {joint: unit(value) for joint, value in key.values.items()}, key.easing)
         first = sheet.keys.get(0.0, {})
@@ -175,9 +174,7 @@ class Draft:
         self.wanted: Array = np.tile(self._robot.rest, (len(clip), 1))
         self.wanted[:, [joints.index(bone) for bone in clip.skeleton.bones]] = angles_of(clip.rotation[:, 1:])
         loop = self.sheet.plays == "loop"
-        course = limited_course(joints, self.wanted, clip.rate, self._robot.limits, loop=loop)
-        self.course: Array = course[0]
-        self.held: list[HeldBack] = course[1]
+        self.course, self.held = limited_course(joints, self.wanted, clip.rate, self._robot.limits, loop=loop)
 
 
 def limited_course(

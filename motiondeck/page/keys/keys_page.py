@@ -301,8 +301,7 @@ class KeysPage:
         page = f' · <a href="{run.address}" target="_blank" rel="noopener">its page</a>' if run.address else ""
         page = page if run.busy else ""
         line = f'{self._about}<div id="rehearsal">{escape(run.said)}{page}</div></div>'
-        if self._line.content != line:
-            self._line.content, self._stop.disabled = line, not run.busy
+        self._line.content, self._stop.disabled = line, not run.busy
 
     def _refresh(self) -> None:
         """Brings the page up to date after a change."""

@@ -9,13 +9,14 @@ import msgspec
 import numpy as np
 import viser
 
-from controller.wire.messages.commands import DeckCommand, Pause, ServoTorque
+from controller.wire.messages.commands import Pause, ServoTorque
 from hardware.rig.supervision.servo_states import ServoStates
 from motiondeck.page.learning.learning_process import HAND, HandRecording
 from motiondeck.page.web.page_state import RigDescription
-from motiondeck.page.web.parts import Ask, PageParts
+from motiondeck.page.web.parts import Ask, PageParts, Send
 from motiondeck.page.web.private_page import PrivatePage
 
+Take = Callable[[Path], None]
 LONGEST = 120.0  # s
 LOOSENS = (
     "The deck pauses, and the torque of all servos goes off: hold what would fall. To record some joints only, switch "
@@ -31,14 +32,7 @@ class HandRecorder:
     """
 
     def __init__(
-        self,
-        page: PrivatePage,
-        parts: PageParts,
-        rig: RigDescription,
-        folder: Path,
-        ask: Ask,
-        send: Callable[[DeckCommand], None],
-        take: Callable[[Path], None],
+        self, page: PrivatePage, parts: PageParts, rig: RigDescription, folder: Path, ask: Ask, send: Send, take: Take
     ) -> None:
         self._joints = [servo.joint for servo in rig.servos]
         self._rate, self._off = rig.rate_hz, rig.conditions.index("is off on command")

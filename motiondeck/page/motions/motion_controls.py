@@ -39,25 +39,6 @@ class Partners(msgspec.Struct, frozen=True):
     never: str = ""  # why it cannot be blended at all; "" if it can be
 
 
-class LibraryGlance:
-    """The pictures and blends of a library's motions, empty until known; a `direct` deck plays none in between."""
-
-    def __init__(self, file: Path, *, direct: bool = False) -> None:
-        self.pictures: dict[str, str] = {}  # SVG by motion; none for joints that were taught to a rig
-        self.blends: dict[str, Partners] = {}  # by motion, what it can be blended with
-        self._file, self._direct = file, direct
-        Thread(target=self._compute, daemon=True).start()
-
-    def _compute(self) -> None:
-        try:
-            library = load_library(self._file)
-        except MotiondeckError:
-            return  # it has been replaced by something else since the deck loaded it
-        self.pictures = pictures_of(library)
-        routes = Routes.of(library)
-        self.blends = blends_of([*library.network.motions], routes.direct if self._direct else routes)
-
-
 def pictures_of(library: MotionLibrary) -> dict[str, str]:
     """A picture of each motion, drawn from what the network plays; none where there is no body to draw."""
     skeleton = library.skeleton
@@ -98,7 +79,6 @@ def _side_by_side(one: str, others: Sequence[str], routes: Routes) -> list[str]:
 
 
 SEARCHED = 12  # motions from which on one can be searched for
-NONE = Partners()
 HAND_ON = 1.0  # s that a hand on the ring or pad is believed before the deck's own value
 
 
@@ -112,11 +92,23 @@ class MotionControls:
         self._motions, self._has_phase, self._send = about.motions, about.has_phase, send
         self._state = DeckSnapshot(motion="")
         self._touched = 0.0
-        self.glance = LibraryGlance(Path(about.library_file), direct=about.direct) if about.library_file else None
+        self.pictures: dict[
+            str, str
+        ] = {}  # SVG by motion, empty until known; none for joints that were taught to a rig
+        self.blends: dict[str, Partners] = {}  # by motion, what it can be blended with
+        if about.library_file:
+            Thread(target=self._look_into, args=(Path(about.library_file), about.direct), daemon=True).start()
         fixed = {"motions": about.motions, "searched": SEARCHED, "verdicts": about.verdicts}
         self._grid = parts.add("motion-grid", "motions", fixed, self._pressed)
         self._pictures = parts.add("motion-pictures", "motion-pictures")
         self._dial = parts.add("motion-dial", "motion-dial", heard=self._turned)
+
+    def _look_into(self, library_file: Path, direct: bool) -> None:
+        with suppress(MotiondeckError):  # it may have been replaced by something else since the deck loaded it
+            library = load_library(library_file)
+            self.pictures = pictures_of(library)
+            routes = Routes.of(library)
+            self.blends = blends_of([*library.network.motions], routes.direct if direct else routes)
 
     def show(self, now: DeckSnapshot) -> None:
         """Brings everything up to date."""
@@ -125,14 +117,13 @@ class MotionControls:
         enabled = now.mode in BY_WORD["switch"].modes
         grid = {"labels": button_labels(now, self._motions), "looks": looks, "enabled": enabled}
         self._grid.show(grid | {"queue": list(now.queue), "orders": not now.switching})
-        if self.glance is not None and self.glance.pictures:
-            self._pictures.show({"grid": "motions", "pictures": self.glance.pictures})
+        if self.pictures:
+            self._pictures.show({"grid": "motions", "pictures": self.pictures})
         if time.monotonic() - self._touched > HAND_ON:
             phase = round(now.phase or 0.0, 2) if self._has_phase else None
-            partners = self.glance.blends.get(now.playing, NONE) if self.glance is not None else NONE
+            partners = msgspec.to_builtins(self.blends.get(now.playing, Partners()))
             blend = [[name, round(weight, 2)] for name, weight in now.blend]
-            weights = [WEIGHT.lowest, WEIGHT.highest]
-            pad = {"playing": now.playing, **msgspec.to_builtins(partners), "blend": blend, "weights": weights}
+            pad = {"playing": now.playing, **partners, "blend": blend, "weights": [WEIGHT.lowest, WEIGHT.highest]}
             self._dial.show({"phase": phase, **pad, "enabled": enabled})
 
     def end(self) -> None:

@@ -10,7 +10,7 @@ import viser
 from viser import uplot
 
 from controller.motion.rotations import Array
-from controller.wire.messages.commands import RestartServo, ServoTorque
+from controller.wire.messages.commands import ReadRegisters, RestartServo, ServoTorque
 from hardware.rig.supervision.servo_states import ServoStates
 from motiondeck.page.rig.servo_look import ServoLook, ServoLooks
 from motiondeck.page.rig.servo_tables import Look, ServoTables
@@ -144,7 +144,7 @@ class RigPanel:
         elif said == "restart":
             self._ask(event, f"Restart {joint}?", RESTARTS, "Restart", RestartServo(joint))
         elif said == "registers":
-            self._tables.show_registers(joint, event, off=self._off)
+            self._tables.show_registers(ReadRegisters(joint), event, off=self._off)
         elif said == "scan":
             self._tables.scan(event)
 

@@ -17,15 +17,8 @@ from motiondeck.page.web.private_page import PrivatePage
 
 LATE, LATE_FOR = 0.15, 0.5  # rad that a joint may be behind its goal, and for how long, s, before it counts as late
 
-_LEVELS = {
-    "well": "ok",
-    "was cut off": "warn",
-    "has a low supply voltage": "warn",
-    "is getting hot": "warn",
-    "gives way": "warn",
-    "does not follow": "warn",
-    "is off on command": "off",
-}
+_WARNINGS = ("was cut off", "has a low supply voltage", "is getting hot", "gives way", "does not follow")
+_LEVELS = dict.fromkeys(_WARNINGS, "warn") | {"is off on command": "off"}
 COLOURS = {"ok": (43, 138, 62), "warn": (247, 103, 7), "bad": (194, 37, 120), "off": (134, 142, 150)}
 
 

@@ -24,21 +24,19 @@ WRITES = "The rig does not rely on this register; whether the value is a good on
 TORQUE_FIRST = "To write a register, switch the torque of this servo off first."
 
 
-def query_through(client: CommandClient, refuse: Callable[[str], None]) -> Look:
+def query_servos(
+    client: CommandClient, refuse: Callable[[str], None], message: DeckCommand
+) -> Registers | OnPorts | None:
     """Queries servos through a client; what else threads request of it does not wait meanwhile."""
-
-    def look(message: DeckCommand) -> Registers | OnPorts | None:
-        try:
-            reply = client.request(message, FIRST_WITHIN)
-            last = reply if isinstance(reply, Refused) else client.wait_settled(reply.id, LAST_WITHIN)
-        except MotiondeckError as error:
-            last = Refused(str(error))
-        if isinstance(last, Registers | OnPorts):
-            return last
-        refuse(last.reason if isinstance(last, Refused) else "the rig does not answer")
-        return None
-
-    return look
+    try:
+        reply = client.request(message, FIRST_WITHIN)
+        last = reply if isinstance(reply, Refused) else client.wait_settled(reply.id, LAST_WITHIN)
+    except MotiondeckError as error:
+        last = Refused(str(error))
+    if isinstance(last, Registers | OnPorts):
+        return last
+    refuse(last.reason if isinstance(last, Refused) else "the rig does not answer")
+    return None
 
 
 class ServoTables:
@@ -47,15 +45,13 @@ class ServoTables:
     def __init__(self, page: PrivatePage, look: Look, ask: Ask) -> None:
         self._page, self._look, self._ask = page, look, ask
 
-    def show_registers(self, joint: str, event: viser.GuiEvent, *, off: bool) -> None:
-        """Shows the registers of a servo; with its torque off some can be written."""
-        self._show(self._look(ReadRegisters(joint)), event, off=off)
-
     def scan(self, event: viser.GuiEvent) -> None:
         """Asks for confirmation; then lists the servos on the ports."""
         self._ask(event, "Scan the rig's ports?", SCAN, "Scan", lambda: self._show_ports(event))
 
-    def _show(self, found: Registers | OnPorts | None, event: viser.GuiEvent, *, off: bool) -> None:
+    def show_registers(self, message: ReadRegisters | WriteRegister, event: viser.GuiEvent, *, off: bool) -> None:
+        """Shows the registers of a servo after a command; with its torque off some can be written."""
+        found = self._look(message)
         if not isinstance(found, Registers):
             return
         gui = self._gui(event)
@@ -86,7 +82,7 @@ class ServoTables:
             text = WRITES.format(before=held[name])
             write = WriteRegister(found.joint, name, value)
             title = f"Write {value} into {name} of {found.joint}?"
-            self._ask(click, title, text, "Write", lambda: self._show(self._look(write), click, off=True))
+            self._ask(click, title, text, "Write", lambda: self.show_registers(write, click, off=True))
 
     def _show_ports(self, event: viser.GuiEvent) -> None:
         found = self._look(ScanPorts())

@@ -16,7 +16,9 @@ from controller.wire.messages.commands import DeckCommand
 from motiondeck.page.web.page_style import CURRENT, QUIET
 from motiondeck.page.web.private_page import PrivatePage
 
-Ask = Callable[[viser.GuiEvent, str, str, str, DeckCommand | Callable[[], None]], None]
+Send = Callable[[DeckCommand], None]
+Then = DeckCommand | Callable[[], None]
+Ask = Callable[[viser.GuiEvent, str, str, str, Then], None]
 """Confirms (event, title, text, yes) in the browser that clicked; then sends or calls the last argument."""
 
 SCRIPTS = Path(__file__).parent / "scripts"
@@ -52,14 +54,11 @@ class Part:
 
     def __init__(self, name: str, state: viser.GuiHtmlHandle) -> None:
         self._name, self._state = name, state
-        self._text = ""
 
     def show(self, state: Any) -> None:
-        """Shows a state of any JSON values; the same one twice costs nothing."""
-        text = json.dumps(state, separators=(",", ":"))
-        if text != self._text:
-            self._text = text
-            self._state.content = f'<div hidden data-state-of="{self._name}" data-state="{html.escape(text)}"></div>'
+        """Shows a state of any JSON values; viser sends the same one only once."""
+        text = html.escape(json.dumps(state, separators=(",", ":")))
+        self._state.content = f'<div hidden data-state-of="{self._name}" data-state="{text}"></div>'
 
 
 class PageParts:

@@ -37,7 +37,12 @@ class PrivatePage(viser.ViserServer):
     """A viser server on 127.0.0.1 alone, which is never shared; MotiondeckError if the port is taken or not allowed."""
 
     def __init__(self, port: int, label: str) -> None:
-        _check_free(port)
+        with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as probe:
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            try:
+                probe.bind((LOOPBACK, port))
+            except (OSError, OverflowError) as error:
+                raise MotiondeckError(_taken(port)) from error
         os.environ.pop("_VISER_PORT_OVERRIDE", None)
         # A client that connects and leaves again is not worth a traceback in the deck's terminal.
         logging.getLogger("websockets.server").setLevel(logging.CRITICAL)
@@ -82,15 +87,6 @@ def served(port: int, label: str) -> Iterator[PrivatePage]:
             time.sleep(LAST_WORD if page.get_clients() else 0.0)
         finally:
             page.stop()
-
-
-def _check_free(port: int) -> None:
-    with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as probe:
-        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            probe.bind((LOOPBACK, port))
-        except (OSError, OverflowError) as error:
-            raise MotiondeckError(_taken(port)) from error
 
 
 def _taken(port: int) -> str:

@@ -10,8 +10,8 @@ TURN = np.radians(35.0)  # from the side towards the front
 INK, PALE = "#1c4f8c", "#a9bdd6"
 
 
-def figure_svg(poses: Array, parents: Sequence[int], size: int = 64) -> str:
-    """The last of some poses drawn dark, those before it pale, as one square picture, `size` pixels wide.
+def figure_svg(poses: Array, parents: Sequence[int]) -> str:
+    """The last of some poses drawn dark, those before it pale, as one square picture.
 
     Poses are positions of the joints, the root first, shape (P, 1 + B, 3), m. Parents of bones are -1 for the root;
     bone b ends at joint 1 + b.
@@ -21,21 +21,13 @@ def figure_svg(poses: Array, parents: Sequence[int], size: int = 64) -> str:
     low, high = flat.min(axis=(0, 1)), flat.max(axis=(0, 1))
     scale = 0.88 / max(float((high - low).max()), 1e-6)
     flat = 100.0 * (0.5 + scale * (flat - 0.5 * (low + high)))
-    ends = np.arange(1, len(parents) + 1)
-    starts = np.asarray(parents) + 1
-    strokes = [
-        "".join(
-            f"M{pose[a, 0]:.0f} {pose[a, 1]:.0f}L{pose[b, 0]:.0f} {pose[b, 1]:.0f}"
-            for a, b in zip(starts, ends, strict=True)
-        )
-        for pose in flat
-    ]
-    paths = "".join(
-        f'<path d="{stroke}" stroke="{INK if place == len(strokes) - 1 else PALE}"/>'
-        for place, stroke in enumerate(strokes)
-    )
+    starts, paths = np.asarray(parents) + 1, ""
+    for place, pose in enumerate(flat, 1):
+        bones = np.hstack([pose[starts], pose[1:]])
+        stroke = "".join("M{:.0f} {:.0f}L{:.0f} {:.0f}".format(*bone) for bone in bones)
+        paths += f'<path d="{stroke}" stroke="{INK if place == len(flat) else PALE}"/>'
     return (
-        f'<svg viewBox="0 0 100 100" width="{size}" height="{size}" fill="none" stroke-width="5" '
+        '<svg viewBox="0 0 100 100" width="64" height="64" fill="none" stroke-width="5" '
         f'stroke-linecap="round" aria-hidden="true">{paths}</svg>'
     )
 

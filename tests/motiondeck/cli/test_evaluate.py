@@ -61,12 +61,15 @@ def test_a_plot_is_drawn_where_matplotlib_is(tmp_path):
     assert (tmp_path / "plot.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_training_errors_of_another_size_have_panels_of_their_own():
+def test_training_errors_of_another_size_have_panels_of_their_own(tmp_path, monkeypatch):
     pytest.importorskip("matplotlib")
-    from motiondeck.pictures.table_plots import _bars
+    from motiondeck.pictures import table_plots
 
+    drawn = []
+    monkeypatch.setattr(table_plots, "save", lambda figure, path: drawn.append(figure))
     rows = [{"network": "seed 0", "a": 0.001, "b": 0.5}, {"network": "off by %", "a": -3.0, "b": None}]
-    panels = _bars(Table("t", rows, ("a", "b"))).axes
+    table_plots.draw_bars(Table("t", rows, ("a", "b")), tmp_path / "plot.png")
+    panels = drawn[0].axes
     assert [axes.get_ylabel() for axes in panels] == ["a", "b"]
     assert [label.get_text() for label in panels[0].get_xticklabels()] == ["seed 0"]
 

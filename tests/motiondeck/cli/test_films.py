@@ -10,7 +10,7 @@ from controller.library.motion_library import load_library
 from controller.wire.messages.commands import Blend, SetTempo
 from motiondeck.cli.play import name_failing, play
 from motiondeck.pictures import library_pictures
-from motiondeck.run.spec.program import Timed
+from motiondeck.run.spec.program import Program, Timed
 from motiondeck.run.spec.run_spec import RunSpec
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.shipped import shipped_configs
@@ -30,14 +30,12 @@ def filmed(library, monkeypatch):
 
     def film(timeline, seconds, out):
         decks = []
-
-        def deck_for(retarget):
-            decks.append(Deck(library, retarget, "walk"))
-            return decks[0]
-
+        monkeypatch.setattr(library_pictures, "Deck", lambda *of, **more: decks.append(Deck(*of, **more)) or decks[0])
+        out.touch()
         look = library_pictures.film_look(out, None, None, "follow")
         spec = RunSpec(physics=False)
-        return library_pictures.film(spec, library, deck_for, timeline, seconds, out, look), decks[0]
+        program = Program(library, out, "walk", timeline, seconds)
+        return library_pictures.film_run(spec, program, out, look)[0], decks[0]
 
     return film
 

@@ -56,22 +56,19 @@ def test_neighbours_on_the_pad_that_are_too_far_apart_are_known():
     assert [why.split(":")[1] for why in stand.apart] == [" rise lies between them"] * 2
 
 
-class Known:
-    """What is known of a library, at once."""
-
-    pictures = {name: f'<svg id="picture-{name}"></svg>' for name in MOTIONS}  # noqa: RUF012
-    blends = {  # noqa: RUF012
-        "walk": Partners(["jog", "waltz"], ["", ""], {"more-1": "more-1 lies down"}),
-        "waltz": Partners(["jog", "walk"], ["jog and walk are too far apart"] * 2),
-        "jog": Partners(never="jog is a one-shot"),
-    }
+PICTURES = {name: f'<svg id="picture-{name}"></svg>' for name in MOTIONS}
+BLENDS = {
+    "walk": Partners(["jog", "waltz"], ["", ""], {"more-1": "more-1 lies down"}),
+    "waltz": Partners(["jog", "walk"], ["jog and walk are too far apart"] * 2),
+    "jog": Partners(never="jog is a one-shot"),
+}
 
 
 def test_grid_queue_ring_and_pad_send_commands(browser):
     page, sent = PrivatePage(free_port(), "test"), []
     about = PageDescription(model_file="", robot="test", motions=MOTIONS, has_phase=True)
     controls = MotionControls(PageParts(page), about, sent.append)
-    controls.glance = Known()
+    controls.pictures, controls.blends = PICTURES, BLENDS
     playing = DeckSnapshot(motion="walk", playing="walk", queue=["jog", "waltz"], phase=0.4)
     controls.show(playing)
     tab = browser.new_page(viewport={"width": 500, "height": 900})
@@ -161,19 +158,16 @@ def test_grid_queue_ring_and_pad_send_commands(browser):
         page.stop()
 
 
-class KnownToBeFarApart(Known):
-    """A motion that can be blended with hardly any other."""
-
-    blends = {"walk": Partners(["jog"], [""], {name: f"{name} lies down" for name in MOTIONS[2:]})}  # noqa: RUF012
-
-
 @pytest.mark.thorough
 def test_a_long_list_of_what_cannot_be_blended_makes_the_panel_no_wider(browser):
     """It had the emergency stop half out of sight."""
     page = PrivatePage(free_port(), "test")
     about = PageDescription(model_file="", robot="test", motions=MOTIONS, has_phase=True)
     panel = Panel(page, about, Mock(), look_from=Mock())
-    panel.motion_controls.glance = KnownToBeFarApart()
+    panel.motion_controls.pictures = PICTURES
+    panel.motion_controls.blends = {
+        "walk": Partners(["jog"], [""], {name: f"{name} lies down" for name in MOTIONS[2:]})
+    }
     panel.show(DeckSnapshot(motion="walk", playing="walk", phase=0.4))
     tab = browser.new_page(viewport={"width": 1000, "height": 700})
     tab.set_default_timeout(60_000)
