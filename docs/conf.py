@@ -104,7 +104,7 @@ def nouns() -> dict[str, list[str]]:
     pages: dict[str, list[str]] = {page: [] for page in dict.fromkeys(PAGE_OF.values())}
     for home, names in motiondeck._HOMES.items():
         pages[PAGE_OF[home.rpartition(".")[2]]] += [f"motiondeck.{name}" for name in names.split()]
-    for name in motiondeck.networks.__all__:
+    for name in sorted(motiondeck.networks.__all__, key=lambda name: (not name.isupper(), name)):
         home = getattr(getattr(motiondeck.networks, name), "__module__", "controller.networks.reservoirs").split(".")
         page = next((part for part in ("reservoirs", "centralized") if part in home), "networks")
         pages[page].append(f"motiondeck.networks.{name}")

@@ -26,41 +26,15 @@ if TYPE_CHECKING:
     from motiondeck.robots import JointMotion, RetargetedFile, Robot, load_robot, retarget_files
     from motiondeck_base.errors import MotiondeckError, UnknownNameError
 
-__all__ = [
-    "Clip",
-    "CommandedMotion",
-    "CommandedSwitch",
-    "Deck",
-    "DeckEvent",
-    "DeckStatus",
-    "JointMotion",
-    "Library",
-    "LiveDeck",
-    "LockState",
-    "MotionGenerator",
-    "MotiondeckError",
-    "PoseStream",
-    "RecognitionStream",
-    "RecognitionVerdict",
-    "Recognizer",
-    "RetargetedFile",
-    "Rig",
-    "Robot",
-    "Skeleton",
-    "UnknownNameError",
-    "learn",
-    "learn_recipe",
-    "learn_recognizer",
-    "load_library",
-    "load_recognizer",
-    "load_robot",
-    "networks",
-    "open_rig",
-    "play",
-    "read_recording",
-    "retarget_files",
-    "save_recording",
-]
+__all__ = ["MotiondeckError", "UnknownNameError", "networks"]
+__all__ += ["Library", "MotionGenerator", "learn", "learn_recipe", "load_library"]
+__all__ += ["CommandedMotion", "DeckEvent", "DeckStatus", "LiveDeck", "LockState", "play"]
+__all__ += ["CommandedSwitch", "Deck"]
+__all__ += ["Clip", "Skeleton", "read_recording", "save_recording"]
+__all__ += ["Rig", "open_rig"]
+__all__ += ["JointMotion", "RetargetedFile", "Robot", "load_robot", "retarget_files"]
+__all__ += ["PoseStream", "RecognitionStream", "RecognitionVerdict", "Recognizer"]
+__all__ += ["learn_recognizer", "load_recognizer"]
 
 _HOMES = {
     ".libraries": "Library MotionGenerator learn learn_recipe load_library",

@@ -80,78 +80,21 @@ def morph(network: AnyNetwork, source: str, target: str) -> Morph:
     return autonomous.morph(source, target)
 
 
-__all__ = [
-    "SMALL_RESERVOIR",
-    "AnyNetwork",
-    "CentralizedGenerator",
-    "CentralizedMotion",
-    "CentralizedRecipe",
-    "Command",
-    "Completion",
-    "CompletionRecipe",
-    "ConceptorNetwork",
-    "ConceptorRecipe",
-    "Duffing",
-    "EchoStateNetwork",
-    "EchoStateRecipe",
-    "FrameNetwork",
-    "FrequencyError",
-    "GaussianSatellites",
-    "Generator",
-    "HarmonicCenters",
-    "HarmonicSatellites",
-    "LiveCompletion",
-    "LoadedSignals",
-    "LowRankWeights",
-    "ModuleDesign",
-    "Morph",
-    "MovementPrimitive",
-    "NonlinearCenters",
-    "Pendulum",
-    "PhaseConceptorNetwork",
-    "PhaseEchoStateNetwork",
-    "PhaseEchoStateRecipe",
-    "PhaseRecipe",
-    "PolynomialSatellites",
-    "Reservoir",
-    "ReservoirResponse",
-    "SatelliteError",
-    "SatelliteNetwork",
-    "Satellites",
-    "SharedConceptorNetwork",
-    "SharedConceptorRecipe",
-    "Spring",
-    "SwitchingModule",
-    "SwitchingModuleError",
-    "ViaPoints",
-    "adapt_aperture",
-    "attenuation",
-    "clamp",
-    "collapse_and_kick",
-    "conceptor",
-    "conjunction",
-    "control_for",
-    "correlation",
-    "design_module",
-    "disjunction",
-    "drive",
-    "excite",
-    "grid_places",
-    "learn_completion",
-    "learn_primitive",
-    "learn_response",
-    "learn_signals",
-    "learn_weights",
-    "load_signals",
-    "lowest_orders",
-    "morph",
-    "negation",
-    "nrmse",
-    "quota",
-    "random_reservoir",
-    "ridge",
-    "run_free",
-    "similarity",
-    "spacing",
-    "train_centralized",
-]
+__all__ = ["AnyNetwork", "FrameNetwork", "Generator", "Morph", "morph", "nrmse", "ridge"]
+__all__ += ["ConceptorNetwork", "EchoStateNetwork", "SharedConceptorNetwork"]
+__all__ += ["PhaseConceptorNetwork", "PhaseEchoStateNetwork"]
+__all__ += ["CentralizedRecipe", "ConceptorRecipe", "EchoStateRecipe"]
+__all__ += ["PhaseEchoStateRecipe", "PhaseRecipe", "SharedConceptorRecipe"]
+__all__ += ["SMALL_RESERVOIR", "Reservoir", "ReservoirResponse", "drive", "learn_response", "random_reservoir"]
+__all__ += ["LoadedSignals", "learn_signals", "load_signals", "run_free"]
+__all__ += ["Completion", "CompletionRecipe", "LiveCompletion", "learn_completion"]
+__all__ += ["adapt_aperture", "attenuation", "conceptor", "correlation", "quota", "similarity"]
+__all__ += ["conjunction", "disjunction", "negation"]
+__all__ += ["Duffing", "FrequencyError", "HarmonicCenters", "NonlinearCenters", "Pendulum", "Spring", "control_for"]
+__all__ += ["GaussianSatellites", "HarmonicSatellites", "PolynomialSatellites", "SatelliteError", "Satellites"]
+__all__ += ["grid_places", "lowest_orders", "spacing"]
+__all__ += ["CentralizedGenerator", "CentralizedMotion", "train_centralized"]
+__all__ += ["LowRankWeights", "SatelliteNetwork", "learn_weights"]
+__all__ += ["MovementPrimitive", "ViaPoints", "learn_primitive"]
+__all__ += ["Command", "ModuleDesign", "SwitchingModule", "SwitchingModuleError"]
+__all__ += ["clamp", "collapse_and_kick", "design_module", "excite"]
