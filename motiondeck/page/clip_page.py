@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from html import escape
 
 import mujoco
@@ -70,11 +70,9 @@ class Act:
     qpos: Array  # a frame of them each, shape (T, nq)
     rate: float  # frames per second, Hz
     bones: Array  # start and end of the human's bones, shape (T, B, 2, 3), m; B may be 0
-    prints: Sequence[Print] = ()  # what the feet leave on the floor
-    # Which feet stand, shape (T, F).
-    stands: NDArray[np.bool_] = field(default_factory=lambda: np.zeros((0, 0), dtype=bool))
-    # Where their corners are, shape (T, F, 4, 3), m.
-    soles: Array = field(default_factory=lambda: np.zeros((0, 0, 4, 3)))
+    prints: Sequence[Print]  # what the feet leave on the floor
+    stands: NDArray[np.bool_]  # which feet stand, shape (T, F)
+    soles: Array  # where their corners are, shape (T, F, 4, 3), m
     decisions: Sequence[Decision] = ()  # about the recording
     doubts: Sequence[str] = ()
 
@@ -112,8 +110,6 @@ def _decided(act: Act) -> str:
 
 
 class _Stage:
-    """The page: its scene and its controls."""
-
     def __init__(self, page: PrivatePage, act: Act) -> None:
         self._page, self._act = page, act
         self._head = Playhead(len(act.qpos), act.rate)

@@ -224,7 +224,6 @@ class Panel:
         self._notices.add("Refused", reason)
 
     def _stop_or_ask(self, event: viser.GuiEvent) -> None:
-        """Stops at once; a reset is asked about first."""
         if not self._stopped:
             self.send(say.EmergencyStop())
             return

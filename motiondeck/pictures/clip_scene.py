@@ -52,7 +52,6 @@ def act_of_recording(recording: RunRecording, robot: Robot) -> Act:
 
     MotiondeckError if nothing was recorded, or it was another robot's.
     """
-    from motiondeck.page.clip_page import Act
     from sim.physics.physics_model import feet_of
 
     fields = recording.fields
@@ -70,10 +69,9 @@ def act_of_recording(recording: RunRecording, robot: Robot) -> Act:
             qpos[row, :7] = placed[tick]
     title = f"Motiondeck · {robot.name} · replay"
     no_bones = np.zeros((len(qpos), 0, 2, 3))
-    if placed is None and robot.footing is not None:
-        # Where its feet stood tells the whole pose, of which version 1 recorded the human's root alone.
-        return Act(title, model, qpos, rate / thin, no_bones)
-    return _stepping(title, model, qpos, rate / thin, no_bones, feet_of(robot))
+    # Where its feet stood tells the whole pose, of which version 1 recorded the human's root alone.
+    feet = [] if placed is None and robot.footing is not None else feet_of(robot)
+    return _stepping(title, model, qpos, rate / thin, no_bones, feet)
 
 
 def _stepping(title: str, model: mujoco.MjModel, qpos: Array, rate: float, bones: Array, feet: Sequence[Foot]) -> Act:

@@ -304,7 +304,6 @@ class KeysPage:
         self._line.content, self._stop.disabled = line, not run.busy
 
     def _refresh(self) -> None:
-        """Brings the page up to date after a change."""
         draft, sheet = self._draft, self._draft.sheet
         self._head.frames, self._head.rate = len(draft.course), draft.rate
         self._head.place = min(self._head.place, self._head.frames - 1.0)

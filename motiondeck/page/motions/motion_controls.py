@@ -1,7 +1,7 @@
 """The motions on the page: a grid with pictures, the queue, the phase as a ring, and blends on a pad in it."""
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from itertools import pairwise
 from pathlib import Path
@@ -17,10 +17,10 @@ from controller.learning.measures.self_test import run_free
 from controller.library.motion_library import MotionLibrary, load_library
 from controller.wire.messages.arguments import WEIGHT
 from controller.wire.messages.command_table import BY_WORD
-from controller.wire.messages.commands import Blend, DeckCommand, Jump, Queue, Switch
+from controller.wire.messages.commands import Blend, Jump, Queue, Switch
 from controller.wire.messages.deck_snapshot import DeckSnapshot
 from motiondeck.page.web.page_state import PageDescription
-from motiondeck.page.web.parts import PageParts
+from motiondeck.page.web.parts import PageParts, Send
 from motiondeck.page.web.state_line import button_labels
 from motiondeck.page.web.stick_figure import figure_svg
 from motiondeck_base.errors import MotiondeckError
@@ -88,7 +88,7 @@ class MotionControls:
     Without a library's file there are neither pictures nor blends.
     """
 
-    def __init__(self, parts: PageParts, about: PageDescription, send: Callable[[DeckCommand], None]) -> None:
+    def __init__(self, parts: PageParts, about: PageDescription, send: Send) -> None:
         self._motions, self._has_phase, self._send = about.motions, about.has_phase, send
         self._state = DeckSnapshot(motion="")
         self._touched = 0.0

@@ -159,7 +159,6 @@ def _number(value: float, digits: int) -> float | None:
 
 
 def _summary(servos: Sequence[ServoDescription], looks: Sequence[ServoLook]) -> str:
-    """One line: all servos are well, or those that are not."""
     wrong = [f"{servo.joint} {look.words}" for servo, look in zip(servos, looks, strict=True) if look.level != "ok"]
     more = f" and {len(wrong) - 3} more" if len(wrong) > 3 else ""
     return f"<b>{'; '.join(wrong[:3])}{more}</b>" if wrong else f"all {len(servos)} servos are well"

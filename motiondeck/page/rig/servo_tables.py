@@ -65,7 +65,6 @@ class ServoTables:
             gui.add_button("Close", color="gray").on_click(lambda _: window.close())
 
     def _add_writing(self, found: Registers, event: viser.GuiEvent, window: GuiModalHandle) -> None:
-        """A register and a count to choose, and a button that asks before it writes."""
         gui = self._gui(event)
         held = {row.name: row.count for row in found.registers if row.writable}
         register = gui.add_dropdown("register", [*held])
