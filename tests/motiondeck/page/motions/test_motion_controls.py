@@ -14,7 +14,7 @@ from motiondeck.page.web.page_state import PageDescription
 from motiondeck.page.web.parts import PageParts
 from motiondeck.page.web.private_page import PrivatePage
 from shipped_libraries import shipped
-from waiting import free_port, until
+from waiting import free_port, tried, until
 
 MOTIONS = ["walk", "jog", "waltz", *(f"more-{n}" for n in range(12))]
 
@@ -124,20 +124,24 @@ def test_grid_queue_ring_and_pad_send_commands(browser):
                 tab.mouse.move(*at(*station))
             tab.mouse.up()
 
-        sends(lambda: pulled((0.5, 0.0)), Blend("walk", "jog", 0.5))
+        def pulling(stations, *messages):
+            """What is above the pad may still move it while the mouse goes there."""
+            tried(lambda: sends(lambda: pulled(*stations), *messages))
+
+        pulling([(0.5, 0.0)], Blend("walk", "jog", 0.5))
         # However far it goes, a pull is one command: that of where it is let go.
-        sends(lambda: pulled((0.5, 0.0), (0.2, 0.7), (0.3, 0.4)), Blend("walk", "jog", 0.3, also=(("waltz", 0.4),)))
+        pulling([(0.5, 0.0), (0.2, 0.7), (0.3, 0.4)], Blend("walk", "jog", 0.3, also=(("waltz", 0.4),)))
         assert pad.get_attribute("aria-valuetext") == "jog 30 %, waltz 40 %"
-        sends(lambda: pulled((0.9, 0.9)), Blend("walk", "jog", 0.5, also=(("waltz", 0.5),)))  # without walk
-        sends(lambda: pulled((1.0, 0.0), (1.4, 0.0)), Blend("walk", "jog", 1.3))
-        sends(lambda: pulled((0.0, 1.2)), Blend("walk", "waltz", 1.2))
-        sends(lambda: pulled((-0.45, -0.5)), Blend("walk", "jog", 0.0))  # nothing stands there
+        pulling([(0.9, 0.9)], Blend("walk", "jog", 0.5, also=(("waltz", 0.5),)))  # without walk
+        pulling([(1.0, 0.0), (1.4, 0.0)], Blend("walk", "jog", 1.3))
+        pulling([(0.0, 1.2)], Blend("walk", "waltz", 1.2))
+        pulling([(-0.45, -0.5)], Blend("walk", "jog", 0.0))  # nothing stands there
         refused = tab.get_by_text("no blend with more-1")
         assert refused.locator("..").get_attribute("title") == "more-1 lies down"
         refused.click()
         tab.get_by_text("more-1 lies down").wait_for()
         tab.keyboard.down("Shift")
-        sends(lambda: pulled((0.5, 0.0), (-0.5, 0.0)), Blend("walk", "jog", -0.3))
+        pulling([(0.5, 0.0), (-0.5, 0.0)], Blend("walk", "jog", -0.3))
         tab.keyboard.up("Shift")
         controls._touched = 0.0
         blend = (("jog", 0.4), ("waltz", 0.3))
@@ -149,7 +153,7 @@ def test_grid_queue_ring_and_pad_send_commands(browser):
         controls._touched = 0.0
         controls.show(DeckSnapshot(motion="waltz", playing="waltz", phase=0.4))
         assert tab.locator(".apart").text_content() == "jog and walk are too far apart"
-        sends(lambda: pulled((0.5, 0.4)), Blend("waltz", "jog", 0.3))
+        pulling([(0.5, 0.4)], Blend("waltz", "jog", 0.3))
         controls._touched = 0.0
         controls.show(DeckSnapshot(motion="jog", playing="jog", phase=0.4))
         tab.get_by_role("group").get_by_text("jog is a one-shot").first.wait_for()
