@@ -17,11 +17,8 @@ def owner_of_connection(here: End, there: End) -> int | None:
     """The user that has a TCP connection over IPv4 between two addresses on this machine; None if none has."""
     plain = (_as_listed(here), _as_listed(there))
     mapped = (_MAPPED + plain[0], _MAPPED + plain[1])
-    for table, ends in (("tcp", plain), ("tcp6", mapped)):
-        for near, far, user in _sockets(table):
-            if (near, far) == ends:
-                return user
-    return None
+    found = ((ends, user) for table in ("tcp", "tcp6") for *ends, user in _sockets(table))
+    return next((user for ends, user in found if tuple(ends) in (plain, mapped)), None)
 
 
 def owners_of_datagrams(sender: End) -> set[int]:

@@ -152,7 +152,7 @@ def _joint(rng: random.Random, id: int, models: tuple[str, ...], port: str) -> R
     zero = (sum(table.one_turn) + 1) // 2 + round(rng.uniform(-0.07, 0.07) * table.pulses_per_turn)
     lower, upper = -rng.uniform(0.6, 1.4), rng.uniform(0.6, 1.4)
     velocity = rng.choice((0.8, 1.5, 2.5))
-    acceleration = rng.choice((0.0, 4.0, 20.0)) if table.place("profile_acceleration") else 0.0
+    acceleration = rng.choice((0.0, 4.0, 20.0)) if "profile_acceleration" in table.registers else 0.0
     return RigJoint(f"joint_{id}", id, model, direction, zero, lower, upper, velocity, acceleration, port=port)
 
 

@@ -75,7 +75,7 @@ class ShaftJudge:
         self._acceleration = np.array([joint.acceleration or np.inf for joint in config.joints])
         self._zero = np.array([joint.zero for joint in config.joints])
         self._per_radian = np.array([joint.pulses_per_radian for joint in config.joints])
-        self._watched = np.array([joint.table.place("bus_watchdog") is not None for joint in config.joints])
+        self._watched = np.array(["bus_watchdog" in joint.table.registers for joint in config.joints])
         self._seen: deque[tuple[float, Array]] = deque()
         # A rig is switched on between two looks; until then a weight may turn the shafts.
         self._jerked = np.where(self._powered(), -np.inf, port.now())

@@ -147,7 +147,6 @@ class Bus:
         return [line for family, own in by_family.items() for line in family.lines(tuple(own))]
 
     def _read_line(self, blocks: Blocks, fast: bool) -> dict[int, StatusPacket]:
-        """The same for blocks that may be asked for together."""
         heard = self._ask_group(blocks, fast)
         if len(heard) == len(blocks):
             return heard
@@ -247,10 +246,8 @@ class Bus:
         """The servos of the other families that answer, in order of ID."""
         # A broadcast ping tells only whether there are any, since some families answer it all at once; then each ID is
         # asked.
-        found: list[Identity] = []
-        for dialect in dict.fromkeys(family.dialect for family in FAMILIES if not family.identification.by_ping):
-            found += self._ping_each(next(family for family in FAMILIES if family.dialect == dialect))
-        return found
+        asked = {family.dialect: family for family in reversed(FAMILIES) if not family.identification.by_ping}
+        return [identity for family in asked.values() for identity in self._ping_each(family)]
 
     def _ping_each(self, family: Family) -> list[Identity]:
         self._pending = None
@@ -288,23 +285,16 @@ class Bus:
         return status
 
     def _ask_patiently(self, frame: bytes, id: int, length: int) -> StatusPacket | None:
-        """The status of one servo, with a long last deadline unless there are no retries, as in a scan."""
-        status = self._ask(frame, id, length)
-        if status is None and self._patient and self._retries:
-            status = self._exchange(frame, id, length, _PATIENCE)
+        """The status of one servo, asked again if it stays silent, at last with a long deadline (but in a scan)."""
+        margins = [self._margin] * (1 + self._retries) + [_PATIENCE] * bool(self._patient and self._retries)
+        status, asked = None, 0
+        while status is None and asked < len(margins):
+            status = self._exchange(frame, id, length, margins[asked])
+            asked += 1
+        if asked > 1 and (status is not None or margins[-1] == _PATIENCE):
             self._outlast_repeats()
         self._patient = status is not None
         return status
-
-    def _ask(self, frame: bytes, id: int, length: int) -> StatusPacket | None:
-        """The status of one servo, asked again if it stays silent."""
-        for attempt in range(1 + self._retries):
-            status = self._exchange(frame, id, length, self._margin)
-            if status is not None:
-                if attempt:
-                    self._outlast_repeats()
-                return status
-        return None
 
     def _outlast_repeats(self) -> None:
         """Discards late replies to a repeated request, which the next request would take for its own."""

@@ -140,11 +140,6 @@ class EmulatedBus:
         """Feeds the watchdogs at the time `at`, s, without any bytes."""
         self._fed = max(self._fed, at)
 
-    @property
-    def moving(self) -> bool:
-        """Whether any servo reports that it moves: it turns faster than its moving threshold."""
-        return any(device.moving for device in self.devices)
-
     def reindex(self) -> None:
         """Updates which servo listens to which ID, as which family, after a change."""
         self._by_id: defaultdict[int, list[Device]] = defaultdict(list)
@@ -173,7 +168,6 @@ class EmulatedBus:
         return sorted(self._by_id)
 
     def _awake(self, devices: list[Device], family: Family) -> list[Device]:
-        """Those that are alive, not starting up, listen at the host's speed, and speak as this family."""
         awake = (one for one in devices if one.family is family and not one.dead and self.time >= one.asleep_until)
         return [one for one in awake if one.baud == self.baud]
 

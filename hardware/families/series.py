@@ -46,10 +46,6 @@ class Series:
         """The baud rate that a value of the register means, bits/s."""
         return self.baud_rates.get(value) or (round(self.baud_base / (value + 1)) or None)
 
-    def baud_value(self, baud: int) -> int | None:
-        """The value of the register for a baud rate; None if there is none."""
-        return next((value for value, rate in self.baud_rates.items() if rate == baud), None)
-
     def usual_problems(self, bits: int) -> int:
         """Their own problem bits as the usual ones."""
         return sum(usual for usual, own in self.problems.items() if bits & own)

@@ -56,13 +56,8 @@ class ControlTable:
 
     def baud_value(self, baud: int) -> int | None:
         """The value of its register for a baud rate; None if it cannot be so fast, or so slow."""
-        value = self.series.baud_value(baud)
+        value = next((value for value, rate in self.series.baud_rates.items() if rate == baud), None)
         return value if value is not None and value <= self["baud_rate"].maximum else None
-
-    def place(self, name: str) -> tuple[int, int] | None:
-        """Address and length of a register, None where the model has none of this name."""
-        register = self.registers.get(name)
-        return None if register is None else (register.address, register.length)
 
     def dtype(self) -> np.dtype[Any]:
         """The layout of the table as a numpy record, to see the memories of many servos at once."""

@@ -71,8 +71,8 @@ def same_place(config: RigConfig, name: str) -> dict[tuple[Family, int, int], li
     """The joints that have a register, by family, address and length of it, so that one sync write is for each."""
     groups: dict[tuple[Family, int, int], list[int]] = {}
     for index, joint in enumerate(config.joints):
-        if (place := joint.table.place(name)) is not None:
-            groups.setdefault((joint.table.family, *place), []).append(index)
+        if (register := joint.table.registers.get(name)) is not None:
+            groups.setdefault((joint.table.family, register.address, register.length), []).append(index)
     return groups
 
 

@@ -68,7 +68,8 @@ class RigConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             if joint.table.baud_value(self.baud) is None:
                 raise ValueError(f"joint {number} ({joint.name}): model '{joint.model}' cannot do {self.baud} baud")
         for port in self.ports:
-            self._refuse_doubles("id", self._ids(port))
+            ids = [[servo.id for servo in one.servos if self._port_of(one) == port] for one in self.joints]
+            self._refuse_doubles("id", ids)
         self._refuse_doubles("name", [(joint.name,) for joint in self.joints])
 
     @property
@@ -139,9 +140,6 @@ class RigConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     def _port_of(self, joint: RigJoint) -> str:
         return joint.port or self.port
-
-    def _ids(self, port: str) -> list[list[int]]:
-        return [[servo.id for servo in one.servos if self._port_of(one) == port] for one in self.joints]
 
     def _refuse_doubles(self, key: str, values: Sequence[Sequence[object]]) -> None:
         twice = [value for value, count in Counter(one for own in values for one in own).items() if count > 1]

@@ -250,8 +250,6 @@ class _Watch:
 
 
 class _Log:
-    """What was sent to a joint and measured of it."""
-
     def __init__(self, rig: Rig, index: int) -> None:
         self._rig, self._index = rig, index
         part = next(part for part in rig.config.parts if rig.names[index] in part.names)

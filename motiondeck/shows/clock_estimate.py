@@ -75,7 +75,8 @@ class ClockEstimate:
 
     def take(self, trip: RoundTrip) -> None:
         """Takes a round trip. Three in a row that contradict all before begin anew: another clock, or a sleep."""
-        if self._trips and self._contradicts(trip):
+        off, allowed = abs(trip.offset - self.offset(trip.middle)), 0.5 * trip.seconds + _SLACK
+        if self._trips and off > allowed + self.uncertainty(trip.middle):
             self._contradicting.append(trip)
             if len(self._contradicting) < _CONTRADICTIONS:
                 return
@@ -104,10 +105,6 @@ class ClockEstimate:
         """How far the remote time at a local time may be off, s."""
         ahead = np.array([1.0, local - self._reference])
         return 0.5 * self.shortest + 2.0 * float(np.sqrt(ahead @ self._covariance @ ahead))
-
-    def _contradicts(self, trip: RoundTrip) -> bool:
-        off = abs(trip.offset - self.offset(trip.middle))
-        return off > 0.5 * trip.seconds + self.uncertainty(trip.middle) + _SLACK
 
     def _fit(self) -> None:
         middles = np.array([trip.middle for trip in self._trips])

@@ -9,12 +9,13 @@ from controller.wire.messages.commands import DeckCommand
 from motiondeck.shows import messages
 from motiondeck.shows.cue_list import CueList
 from motiondeck.shows.known_stops import KnownStops
-from motiondeck.shows.link import Link, Mailbox, StopRepeater
+from motiondeck.shows.link import Link, StopRepeater
 from motiondeck.shows.membership import CONDUCTOR
 from motiondeck.shows.messages import CommonRound
 from motiondeck.shows.seen_decks import SeenDeck, SeenDecks
 from motiondeck.shows.show_file import Show, ShowCue, show_command
 from motiondeck_base.errors import MotiondeckError
+from motiondeck_base.mailbox import Mailbox
 
 # Cues fall on multiples of this, s: then they fall on ticks of decks at 50, 100, 200, 250, 500 and 1000 Hz, which the
 # show's clock keeps aligned, and all decks carry them out in the same one.

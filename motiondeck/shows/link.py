@@ -9,9 +9,8 @@ from __future__ import annotations
 import json
 import math
 import os
-from collections import deque
-from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING, Any, Generic, TypeVar
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
 
 from motiondeck.shows.membership import AUTHORITY, CERTIFICATE, KEY, Membership
 from motiondeck.shows.messages import EmergencyStopAll, encode
@@ -25,7 +24,6 @@ STOP_SAID, STOP_AGAIN = 5, 0.02  # how often a new emergency stop is published, 
 _RECEIVING_THREADS = 64
 
 Received = Callable[[str, bytes], None]  # called with a key within the show and the data, in a thread of zenoh
-T = TypeVar("T")
 
 
 class Link:
@@ -146,40 +144,6 @@ class StopRepeater:
         while self.due <= now:
             del self._times[0]
             self._link.publish("stop", self._data)
-
-
-class Mailbox(Generic[T]):
-    """Holds what has come in, oldest first; of too much the oldest is lost."""
-
-    def __init__(self, most: int = 1024) -> None:
-        self._held: deque[T] = deque(maxlen=most)
-        self._flag = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
-        self._closed = False
-
-    def fileno(self) -> int:
-        """Readable while something is in it."""
-        return self._flag
-
-    def put(self, thing: T) -> None:
-        """Puts something in, from any thread."""
-        self._held.append(thing)
-        if not self._closed:
-            os.eventfd_write(self._flag, 1)
-
-    def take(self) -> Iterator[T]:
-        """Takes out what there is."""
-        try:
-            os.eventfd_read(self._flag)
-        except BlockingIOError:
-            return
-        while self._held:
-            yield self._held.popleft()
-
-    def close(self) -> None:
-        """Nothing is waited for any more; may be called twice."""
-        if not self._closed:
-            self._closed = True
-            os.close(self._flag)
 
 
 def _config(member: Membership) -> zenoh.Config:

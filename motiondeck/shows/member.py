@@ -21,8 +21,9 @@ from controller.wire.messages.replies import Accepted, Event, PhaseNow, Refused,
 from motiondeck.shows import messages
 from motiondeck.shows.clock_estimate import ClockEstimate, RoundTrip
 from motiondeck.shows.known_stops import MOST_SENT, KnownStops, StopMemory
-from motiondeck.shows.link import Link, Mailbox, StopRepeater
+from motiondeck.shows.link import Link, StopRepeater
 from motiondeck.shows.membership import CONDUCTOR
+from motiondeck_base.mailbox import Mailbox
 
 ASKS_EVERY = 0.25  # the mean period of requests for the conductor's time and the deck's state, s; shorter at first
 LATEST = 0.25  # a cue that comes later than this is not carried out, s; the conductor then sends the sum of all cues
@@ -40,8 +41,6 @@ _THEN: dict[messages.Lost, str] = {
     "stop": "emergency stop of this deck",
 }
 
-Notify = Callable[[str], None]
-
 
 class Member:
     """Serves one deck, which asks a leader for the phase of the show; `notify` receives lines for its user.
@@ -56,7 +55,7 @@ class Member:
         link: Link,
         deck: CommandClient,
         leader: CommandServer,
-        notify: Notify,
+        notify: Callable[[str], None],
         now: Callable[[], float] = time.monotonic,
         memory: StopMemory | None = None,
     ) -> None:

@@ -8,7 +8,6 @@ from __future__ import annotations
 import contextlib
 import os
 import time
-from collections import deque
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,6 +17,7 @@ from motiondeck.stage.command_pattern import CommandPattern, Signal
 from motiondeck.stage.stage_file import MidiMap, control_values
 from motiondeck.stage.timecode import TimecodeReader
 from motiondeck_base.errors import MotiondeckError
+from motiondeck_base.mailbox import Mailbox
 
 if TYPE_CHECKING:
     import mido
@@ -72,40 +72,28 @@ class SystemPort:
     def __init__(self, name: str) -> None:
         import mido
 
-        self._came: deque[tuple[float, mido.Message]] = deque(maxlen=4096)
-        self._bell, self._ring = os.pipe2(os.O_NONBLOCK | os.O_CLOEXEC)
+        self._came = Mailbox[tuple[float, "mido.Message"]](4096)
         try:
             self._port: Any = mido.open_input(name, callback=self._take)  # pyright: ignore
         except BaseException:
-            self._close_bell()
+            self._came.close()
             raise
 
     def _take(self, message: mido.Message) -> None:
-        self._came.append((time.monotonic(), message))
-        with contextlib.suppress(OSError):  # full: already signalled; closed: no longer read
-            os.write(self._ring, b"!")
+        self._came.put((time.monotonic(), message))
 
     def fileno(self) -> int:
-        """A pipe that can be read when messages have come."""
-        return self._bell
+        """Readable when messages have come."""
+        return self._came.fileno()
 
     def messages(self, now: float) -> Iterator[tuple[float, mido.Message]]:
         """The messages that have come, each with the time at which it did."""
-        with contextlib.suppress(BlockingIOError):
-            os.read(self._bell, 4096)
-        while self._came:
-            yield self._came.popleft()
+        return self._came.take()
 
     def close(self) -> None:
         """Closes the port; may be called twice."""
         self._port.close()
-        self._close_bell()
-
-    def _close_bell(self) -> None:
-        for end in (self._bell, self._ring):
-            if end >= 0:
-                os.close(end)
-        self._bell = self._ring = -1
+        self._came.close()
 
 
 MidiPort = RawDevice | SystemPort

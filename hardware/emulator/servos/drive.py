@@ -66,21 +66,6 @@ class Friction(IdentifiedMotor):
         return moving + s * (still + quad * (np.sign(motor) != np.sign(external)))
 
 
-def friction_of(motor: IdentifiedMotor, voltage: float) -> Friction:
-    """The friction of a motor whose stall torque and no-load speed hold at this voltage."""
-    torque, speed = motor.torque_constant * voltage / motor.resistance, voltage / motor.torque_constant
-    scaled = replace(
-        motor,
-        base=motor.base / torque,
-        stribeck=motor.stribeck / torque,
-        motor_quad=motor.motor_quad * torque,
-        external_quad=motor.external_quad * torque,
-        slow=motor.slow / speed,
-        viscous=motor.viscous * speed / torque,
-    )
-    return Friction(*astuple(scaled))
-
-
 @dataclass(frozen=True, slots=True)
 class Motor:
     """A geared direct-current motor."""
@@ -118,14 +103,24 @@ def motor_of(model: str) -> Motor:
     if found is None:
         return motor
     stall = motor.voltage / found.resistance  # A
+    torque, speed = found.torque_constant * stall, motor.voltage / found.torque_constant
+    scaled = replace(
+        found,
+        base=found.base / torque,
+        stribeck=found.stribeck / torque,
+        motor_quad=found.motor_quad * torque,
+        external_quad=found.external_quad * torque,
+        slow=found.slow / speed,
+        viscous=found.viscous * speed / torque,
+    )
     return replace(
         motor,
-        no_load_speed=motor.voltage / found.torque_constant * 60.0 / (2.0 * math.pi),
+        no_load_speed=speed * 60.0 / (2.0 * math.pi),
         stall_current=stall * 1e3,
-        specified_torque=found.torque_constant * stall,
+        specified_torque=torque,
         lag=found.armature * found.resistance / found.torque_constant**2,
         duty=found.duty,
-        friction=friction_of(found, motor.voltage),
+        friction=Friction(*astuple(scaled)),
     )
 
 

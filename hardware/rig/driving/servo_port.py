@@ -29,7 +29,7 @@ from hardware.rig.registers import read_each, same_place, sync_write_all
 from hardware.rig.rig_file import RigConfig
 from hardware.rig.scale import Array, RigScale
 from hardware.rig.state_block import OwnSettings, StateBlock, arrange_state, read_own_settings
-from hardware.rig.switching.identities import knows_fast_reads
+from hardware.rig.switching.identities import know_fast_reads
 from hardware.rig.switching.torque import Held, hold_each, speed_counts, switch_off, switch_on
 from hardware.rig.switching.turns import keep_zeros
 from hardware.rig.turn_file import TurnFile
@@ -93,7 +93,7 @@ class ServoPort:
         try:
             servos = self.servos
             held = switch_on(servos, bus, turns)
-            self._fast = knows_fast_reads(servos, bus)
+            self._fast = know_fast_reads(servos, read_each(servos, bus, "firmware_version"))
             keep_zeros(servos, held.zeros, turns)
             blocks = arrange_state(servos, bus)
             own = read_own_settings(servos, bus)

@@ -70,14 +70,6 @@ def _answer_all(config: RigConfig, bus: Bus) -> None:
     sync_write_all(config, bus, "status_return_level", config.joints[0].table.family.answers_all)
 
 
-def knows_fast_reads(config: RigConfig, bus: Bus) -> bool:
-    """Whether model and firmware of every servo answer fast sync reads."""
-    try:
-        return know_fast_reads(config, read_each(config, bus, "firmware_version"))
-    except ServoError as error:
-        raise RigError(str(error)) from error
-
-
 def know_fast_reads(config: RigConfig, firmware: Sequence[int]) -> bool:
     """Whether servos with these versions of firmware answer fast sync reads, but for families without any."""
     asked = [index for index, joint in enumerate(config.joints) if joint.table.family.fast_reads]

@@ -76,22 +76,19 @@ def switch_on(
 def hold_still(config: RigConfig, bus: Bus, believed: Array, pace: float = 1.0) -> Held:
     """Clears the watchdogs, limits the speed, and has each joint hold where it stands or can come to rest.
 
-    Each servo keeps the part `pace` of its speed limit from now on. RigError if a servo does not answer, stands outside
-    its limits, or in an unknown turn (see `find_zeros`).
+    Each servo keeps the part `pace` of its speed limit from now on. ServoError if a servo does not answer, RigError if
+    it stands outside its limits, or in an unknown turn (see `find_zeros`).
     """
     scale = RigScale(config)
-    try:
-        write_each(config, bus, "bus_watchdog", [0] * len(config.joints))
-        _limit_speed(config, bus, pace)
-        scale.zero[:] = find_zeros(config, bus, believed)
-        positions, rests, torque = places_of_rest(config, bus, scale)
-        _refuse_other_turns(config, positions, believed)
-        _refuse_outside(config, positions)
-        _refuse_disagreement(config, positions)
-        goals = scale.within(_together(config, rests, torque))
-        write_each(config, bus, "goal_position", [int(pulses) for pulses in scale.pulses(goals)])
-    except ServoError as error:
-        raise RigError(str(error)) from error
+    write_each(config, bus, "bus_watchdog", [0] * len(config.joints))
+    _limit_speed(config, bus, pace)
+    scale.zero[:] = find_zeros(config, bus, believed)
+    positions, rests, torque = places_of_rest(config, bus, scale)
+    _refuse_other_turns(config, positions, believed)
+    _refuse_outside(config, positions)
+    _refuse_disagreement(config, positions)
+    goals = scale.within(_together(config, rests, torque))
+    write_each(config, bus, "goal_position", [int(pulses) for pulses in scale.pulses(goals)])
     return Held(goals, scale.zero)
 
 
@@ -115,9 +112,9 @@ def resume(
         lost = _await_partners(config, bus, believed, lost, pace)
         if lost:
             switch_on(config.only(lost), bus, believed[..., lost], cancelled)
+        return hold_still(config, bus, believed, pace)
     except ServoError as error:
         raise RigError(str(error)) from error
-    return hold_still(config, bus, believed, pace)
 
 
 def _await_partners(config: RigConfig, bus: Bus, believed: Array, lost: list[int], pace: float) -> list[int]:
@@ -286,7 +283,6 @@ def _together(config: RigConfig, rests: Array, torque: NDArray[np.bool_]) -> Arr
 
 
 def _refuse_outside(config: RigConfig, positions: Array) -> None:
-    """Raises a RigError if a joint stands outside its limits."""
     outside = [
         f"{joint.name} stands at {angle:.2f} rad, its limits are {joint.lower} to {joint.upper}"
         for joint, angle in zip(config.joints, positions, strict=True)
@@ -306,7 +302,6 @@ def _refuse_other_turns(config: RigConfig, positions: Array, believed: Array) ->
 
 
 def _refuse_disagreement(config: RigConfig, positions: Array) -> None:
-    """Raises a RigError if two servos of a joint stand at different angles."""
     joints = config.joint_of
     for index in np.flatnonzero((np.diff(joints) == 0) & (np.abs(np.diff(positions)) > APART)).tolist():
         one, other = config.joints[index : index + 2]

@@ -13,7 +13,7 @@ from hardware.families.models import MODELS
 from hardware.rig.rig_file import RigConfig, RigJoint
 
 XM430 = MODELS["XM430-W350"]
-POSITION = XM430.place("present_position")
+POSITION = XM430["present_position"].address, XM430["present_position"].length
 
 
 def blocks(*ids):

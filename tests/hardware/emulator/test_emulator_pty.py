@@ -177,7 +177,7 @@ def test_a_killed_client_leaves_a_rig_that_stops(served):
 
     client = until(under_way, "a client under way")
     servo = served._bus[1]
-    until(lambda: served._bus.moving, "the start")
+    until(lambda: any(device.moving for device in served._bus.devices), "the start")
     client.kill()
     client.wait()
     client.stdout.close()

@@ -56,7 +56,7 @@ def test_registers_are_where_the_makers_file_has_them(model):
     assert table.number == model_numbers()[model]
     assert table.pulses_per_turn == pytest.approx(file.pulses_per_turn, abs=2)
     rows = {row.name: (row.address, row.length) for row in file.rows if not row.name.endswith(("_write", "_read"))}
-    assert rows == {name: table.place(name) for name in rows}
+    assert rows == {name: (table[name].address, table[name].length) for name in rows}
 
 
 @pytest.mark.parametrize("model", ["H54-200-S500-RA", "H54-100-S500-RA", "H42-20-S300-RA", "M42-10-S260-RA"])

@@ -281,7 +281,7 @@ def test_what_lasts_ends_in_a_stop_that_names_it_once(build, fault, said):
     with pytest.raises(RigError, match=said):
         play(rig, port, [0.3] * 4, 6.0)
     play(rig, port, [1.4] * 4, 1.0)
-    assert not port.bus.moving
+    assert not any(device.moving for device in port.bus.devices)
     rig.close()
 
 
@@ -428,7 +428,7 @@ def test_a_stopped_rig_whose_servo_is_another_one_is_tried_for_two_seconds_and_m
     with pytest.raises(RigError, match=r"the rig has stopped: joint_3 \(id 3\) answers as XL430-W250"):
         play(rig, port, [1.0] * 4, 5.0)
     assert 2.0 <= port.now() - began < 4.0
-    assert not port.bus.moving
+    assert not any(device.moving for device in port.bus.devices)
 
 
 def test_targets_that_a_rig_takes_no_more_are_counted(build):
