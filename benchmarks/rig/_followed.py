@@ -195,7 +195,7 @@ class Stage:
         channels.append(Channel(picture))
         deck = Deck(self.library, deepcopy(robot.retarget), motion)
         lead = Lead(channels, len(robot.joints), clock.period)
-        deck.attach(lead=lead.seconds)
+        deck.lead = lead.seconds
         correction = None
         if learned is not None and isinstance(output := channels[0].output, RigOutput):
             correction = output.correction = Correction(

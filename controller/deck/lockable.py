@@ -28,17 +28,6 @@ class Lockable(Paced, ABC):
         super().__init__()
         self._lock: BodyLock | PhaseLock | None = None
 
-    def attach(
-        self,
-        *,
-        due: Callable[[], float] | None = None,
-        measured: Measured | None = None,
-        leader: Leader | None = None,
-        lead: float = 0.0,
-    ) -> None:
-        """Connects what locks follow: the clock of the loop, the measured joints, another deck; and the lead, s."""
-        self.due, self.measured, self.leader, self.lead = due, measured, leader, lead
-
     @property
     def lock_state(self) -> LockState | None:
         """The state of the lock, or None without one."""

@@ -28,11 +28,7 @@ class _Link:
         self._full = False
 
     def send(self, data: bytes, patience: float) -> None:
-        """Sends a datagram; it waits for room, as long as its patience lasts, and connects where it is not connected.
-
-        PeerGoneError if nothing listens there. SocketError if the deck has no room for another connection.
-        SocketError if it takes nothing.
-        """
+        """Sends a datagram, for which it connects and waits for room; raises as `LocalConnection.send`."""
         until = time.monotonic() + patience
         with self._sending:
             while True:

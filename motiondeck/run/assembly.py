@@ -148,14 +148,13 @@ def _assemble(opening: ExitStack, stop: StopRequest, spec: RunSpec, played: Play
         return None if channel.measured is None else channel.measured[:own]
 
     lead = Lead(channels, len(joints), clock.period)
-    if isinstance(deck, RecordedDeck):
-        deck.lead = lead.seconds
+    deck.lead = lead.seconds
     if isinstance(deck, Lockable):
         leader = member.leader(opening) if member is not None else None
         if spec.lock_to not in (None, "beat", "body"):
             leader = opening.enter_context(closing(LeaderLink.to(str(spec.lock_to))))
-        due = ticker.due if ticker is not None else None
-        deck.attach(due=due, measured=measured, leader=leader, lead=lead.seconds)
+        deck.due = ticker.due if ticker is not None else None
+        deck.measured, deck.leader = measured, leader
         if spec.lock_to is not None:
             deck.lock("beat" if spec.lock_to == "beat" else "body" if spec.lock_to == "body" else "deck")
     if isinstance(deck, Deck) and isinstance(played.source, MotionLibrary):

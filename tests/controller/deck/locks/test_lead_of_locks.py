@@ -19,7 +19,7 @@ def errors_at_the_shaft(source, clock, seconds=6.0):
     def look(_):
         return Sighting(now, (now / ROUND) % 1.0, 1.0 / ROUND)
 
-    deck.attach(due=(lambda: now) if clock else None, leader=look, lead=LEAD)
+    deck.due, deck.leader, deck.lead = (lambda: now) if clock else None, look, LEAD
     deck.lock(source, steps=2 if source == "beat" else 0)
     phases, beats = [], [began + BEAT * n for n in range(40)]
     for tick in range(round(seconds / DT)):
