@@ -10,6 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
+import msgspec
 from typer import Argument, Option
 
 from motiondeck.cli.common import options as shared
@@ -219,8 +220,6 @@ def _learn_recipe(
     recipe: LibraryRecipe, folder: Path, file: Path, out: Path, options: LearnOptions, as_json: bool, *, taught: bool
 ) -> str:
     """Trains a recipe, writes the library (and the recipe of taught clips), and reports; returns the first motion."""
-    import msgspec
-
     from controller.learning import fit as training
     from controller.learning.recipe import recipe_text, warnings
     from controller.learning.smallest import Candidate, smallest_network

@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
+import msgspec
 import typer
 from typer import Argument, Option
 
@@ -95,8 +96,6 @@ def show(
 
 
 def _judge_anew(library: MotionLibrary, path: Path, recording: Path, as_json: bool) -> None:
-    import msgspec
-
     from controller.learning.fit import judge_against
     from motiondeck.cli.common.library_report import print_errors
 

@@ -6,6 +6,7 @@ import json
 from itertools import pairwise
 from typing import TYPE_CHECKING, Annotated
 
+import msgspec
 import typer
 from typer import Argument, Option
 
@@ -46,8 +47,6 @@ def preflight(
       motiondeck preflight cmu86 --robot mannequin --root free --balance --json
       motiondeck preflight thesis15 --robot servo20 --root free --walk --motions-only
     """
-    import msgspec
-
     from controller.library.motion_library import load_library
     from controller.wire.messages.arguments import TEMPO
     from motiondeck.cli.common.library_report import print_errors

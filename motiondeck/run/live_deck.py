@@ -78,18 +78,6 @@ class Ended(msgspec.Struct, frozen=True, tag="ended"):
 LiveMessage = Ready | Failed | Ended
 
 
-def play_live(spec: RunSpec) -> None:
-    """Plays until the run is stopped; MotiondeckError if it cannot begin."""
-    os.environ.setdefault("MUJOCO_GL", "disable")  # nothing is drawn here, and MuJoCo starts sooner without OpenGL
-    from motiondeck.run.library_run import library_run
-    from motiondeck.run.spec.program import Program
-
-    with library_run(spec, Program.of(spec)) as session:
-        _send(Ready(session.command_port, session.page_port, list(session.deck.motions)))
-        report = session.run()
-    _send(Ended(report))
-
-
 def _stop_with_parent() -> None:
     """Asks for a controlled stop when standard input closes, or the parent has ended and its forks keep it open."""
     parent, stdin = os.getppid(), sys.stdin.fileno()
@@ -116,8 +104,15 @@ def main() -> int:
     """Plays the spec on the command line; 0 when it ended as it should, 1 when it could not begin."""
     spec = msgspec.json.decode(sys.argv[1], type=RunSpec)
     _stop_with_parent()
+    os.environ.setdefault("MUJOCO_GL", "disable")  # nothing is drawn here, and MuJoCo starts sooner without OpenGL
     try:
-        play_live(spec)
+        from motiondeck.run.library_run import library_run
+        from motiondeck.run.spec.program import Program
+
+        with library_run(spec, Program.of(spec)) as session:
+            _send(Ready(session.command_port, session.page_port, list(session.deck.motions)))
+            report = session.run()
+        _send(Ended(report))
     except MotiondeckError as error:
         _send(Failed(str(error)))
         return 1

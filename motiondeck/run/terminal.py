@@ -58,7 +58,7 @@ _HEARTBEAT = 0.3  # s of silence before a status request; after three without an
 # What replies to commands do not say.
 _PRINTED = ("via", "gave up", "recognized", "fault", "fell", "stands", "replayed", "lost")
 UNKNOWN = "not in the rig file"
-_STARTING = 5.0  # s that a deck may take from opening its port to answering
+STARTING = 5.0  # s that a deck may take from opening its port to its first tick
 
 
 def describe(reply: replies.Reply) -> str:
@@ -111,7 +111,7 @@ async def converse(client: CommandClient) -> None:
     from prompt_toolkit.key_binding import KeyBindings
     from prompt_toolkit.patch_stdout import patch_stdout
 
-    state = client.request(GetStatus(), _STARTING)
+    state = client.request(GetStatus(), STARTING)
     names = state.motions if isinstance(state, replies.State) else []
     keys = KeyBindings()
 

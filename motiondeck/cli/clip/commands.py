@@ -13,6 +13,7 @@ from typer import Argument, Option
 
 from motiondeck.cli.common import options as shared
 from motiondeck.cli.common.options import JsonOption, Reading, SkeletonOption, grouped
+from motiondeck.cli.common.tables import show_facts, show_table
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.files import check_folder, write_file
 from motiondeck_base.progress import progress
@@ -240,8 +241,6 @@ def _mirror_signs(file: Path | None) -> dict[str, int]:
 
 
 def _print_joints(known: dict[str, Any]) -> None:
-    from motiondeck.cli.common.tables import show_facts
-
     rows = {"motion": f"{known['name']} ({known['source']}), {known['plays'] or 'loop or once is not said'}"}
     rows["length"] = f"{known['frames']} frames at {known['rate']:g} Hz, {known['duration']:.2f} s"
     for joint, figures in known["joints"].items():
@@ -252,7 +251,6 @@ def _print_joints(known: dict[str, Any]) -> None:
 
 def _print(known: dict[str, Any]) -> None:
     from controller.motion.clip import Decision
-    from motiondeck.cli.common.tables import show_facts
 
     rows = {
         "motion": f"{known['name']} ({known['source']})",
@@ -286,7 +284,6 @@ def _fill_markers(file: Path, out: Path, as_json: bool) -> None:
     from controller.learning.centralized.reconstruction import fill_missing, gaps_of
     from controller.motion.formats.markers.c3d import read_c3d, with_points
     from controller.motion.formats.writing import csv_text
-    from motiondeck.cli.common.tables import show_table
 
     if file.suffix.lower() != ".c3d":
         raise MotiondeckError(f"{file}: only markers (.c3d) have gaps; other recordings hold whole skeletons")

@@ -5,8 +5,11 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
+import msgspec
+
 from controller.deck.joins.join_limits import FASTEST, HARDEST
 from controller.library.motion_library import MotionLibrary
+from motiondeck.cli.common.tables import show_table
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -18,8 +21,6 @@ if TYPE_CHECKING:
 
 def report(library: MotionLibrary) -> dict[str, object]:
     """The facts of a library, for scripts."""
-    import msgspec
-
     info = library.info
     return {
         "name": info.name,
@@ -37,8 +38,6 @@ def report(library: MotionLibrary) -> dict[str, object]:
 
 def print_table(library: MotionLibrary) -> None:
     """Prints a row for each motion: its length, errors in training, and verdict; then `print_errors`."""
-    from motiondeck.cli.common.tables import show_table
-
     info = library.info
     error = "self-test, mrad" if info.encoding == "joint angles" else "self-test, mm"
     rows = [
@@ -63,8 +62,6 @@ def print_table(library: MotionLibrary) -> None:
 
 def print_errors(motions: Iterable[MotionInfo]) -> None:
     """Prints a row for each motion that was compared with its recording."""
-    from motiondeck.cli.common.tables import show_table
-
     rows = []
     for motion in motions:
         if (error := motion.against_recording) is None:

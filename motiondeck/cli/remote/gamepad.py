@@ -20,6 +20,7 @@ from controller.wire.messages.arguments import TEMPO
 from controller.wire.messages.commands import DeckCommand
 from controller.wire.messages.replies import Refused, State
 from motiondeck.cli.remote.send import CommandPort, state_of
+from motiondeck.run.terminal import describe
 from motiondeck_base.errors import MotiondeckError
 
 if TYPE_CHECKING:
@@ -146,8 +147,6 @@ def tempo_of(value: float) -> float:
 
 def drive(device: InputDevice[str], client: CommandClient) -> None:
     """Commands the deck until the gamepad is unplugged; then the deck is paused. SocketError if no deck is running."""
-    from motiondeck.run.terminal import describe
-
     state = state_of(client)
     pad = Pad(state.motions, state.motion)
     try:

@@ -9,6 +9,7 @@ import time
 from pathlib import Path
 from typing import Annotated
 
+import msgspec
 import typer
 from typer import Argument, Option
 
@@ -17,11 +18,11 @@ from controller.wire.command_socket import DEFAULT_PORT, CommandClient
 from controller.wire.messages.command_table import COMMANDS, checked, parse_command
 from controller.wire.messages.commands import Blend, EmergencyStop, GetStatus, Heartbeat, Subscribe
 from controller.wire.messages.replies import Accepted, Event, Refused, Settled, State
+from motiondeck.run.terminal import STARTING, describe, help_on
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.files import as_float
 
 _LONGEST_WAIT = 120.0  # s for --wait: a switch by way of other motions takes that long
-_STARTING = 5.0  # s that a deck may take from opening its socket to its first tick
 _STOPPED_WITHIN = 0.5  # s after which a line says that an emergency stop is not acknowledged
 _AGAIN = 15.0  # s after which a subscription is renewed
 
@@ -57,10 +58,6 @@ def send(
       motiondeck send tempo 0.5
       motiondeck send status --json
     """
-    import msgspec
-
-    from motiondeck.run.terminal import describe, help_on
-
     for word in words:
         if word.startswith("-") and as_float(word) is None:
             raise typer.BadParameter(f"there is no option {word}")
@@ -73,7 +70,7 @@ def send(
     if isinstance(request, EmergencyStop) and host is not None:
         overdue.start()
     try:
-        answer = client.request(request, _STARTING)
+        answer = client.request(request, STARTING)
         if wait and request.row.second_reply == "settled" and isinstance(answer, Accepted):
             if answer.after or answer.via:
                 print(describe(answer), file=sys.stderr)
@@ -116,14 +113,10 @@ def events(
       motiondeck events --json
       motiondeck events --heartbeat 1 --host robot ...
     """
-    import msgspec
-
-    from motiondeck.run.terminal import describe
-
     every = min(_AGAIN, heartbeat / 4.0) if heartbeat else _AGAIN
     client = client_of(command_port, host, token_file)
     try:
-        if isinstance(refused := client.request(Subscribe(), _STARTING), Refused):
+        if isinstance(refused := client.request(Subscribe(), STARTING), Refused):
             raise MotiondeckError(f"the deck refuses the subscription: {refused.reason}")
         if heartbeat is not None:
             client.post(checked(Heartbeat(heartbeat)))
@@ -152,9 +145,7 @@ def events(
 
 def state_of(client: CommandClient) -> State:
     """What a deck plays, which may be starting still; MotiondeckError if it does not say so."""
-    from motiondeck.run.terminal import describe
-
-    state = client.request(GetStatus(), _STARTING)
+    state = client.request(GetStatus(), STARTING)
     if not isinstance(state, State):
         raise MotiondeckError(f"the deck did not report what it plays: {describe(state)}")
     return state

@@ -16,6 +16,7 @@ from controller.wire.command_socket import DEFAULT_PORT
 from controller.wire.messages.commands import DeckCommand, FollowPerson, Gaze, GiveBeat, Pause, SetInput, SetTempo
 from controller.wire.messages.replies import Refused, Reply
 from motiondeck.cli.remote.send import CommandPort, Host, TokenFile, client_of, state_of
+from motiondeck.run.terminal import describe
 from motiondeck_base.errors import FileFormatError, MotiondeckError, UnknownNameError
 from motiondeck_base.shipped import find_library, find_stage
 from motiondeck_base.words import counted, printable
@@ -128,8 +129,6 @@ def _summary(mapped: StageMap) -> str:
 
 def _print_reply(tell: Sparing, source: str, command: DeckCommand, reply: Reply) -> None:
     """Prints a command and its reply; of those that come again and again only what is refused."""
-    from motiondeck.run.terminal import describe
-
     if isinstance(reply, Refused) or not isinstance(command, FollowPerson | Gaze | GiveBeat | SetTempo | SetInput):
         line = f"{source}: {command.row.word}: {describe(reply)}"
         if isinstance(command, FollowPerson):  # refused 30 times a second while the deck is stopped

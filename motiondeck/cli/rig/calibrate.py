@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from typer import Option
 
+from hardware.errors import RigError, SerialPortError, ServoError
 from motiondeck.cli.rig.shared import LineInput, PortOption, RigArgument, ended_by_sigterm, load, open_buses
 from motiondeck_base.files import check_folder
 
@@ -37,7 +38,6 @@ def calibrate(
 
     Example:  motiondeck rig calibrate servo20 --out my-rig.toml
     """
-    from hardware.errors import SerialPortError, ServoError
     from hardware.rig.turn_file import TurnFile
     from hardware.tools.calibration import Sweep, load_progress, rejoined
     from hardware.tools.loose_joints import keep_turns
@@ -77,7 +77,6 @@ def _continues(part: Path) -> str:
 
 
 def _measure(sweep: Sweep, parts: list[tuple[RigConfig, Bus]], part: Path, typed: LineInput) -> None:
-    from hardware.errors import RigError
     from hardware.tools.calibration import clear_offsets, save_progress
     from hardware.tools.loose_joints import loosen
 

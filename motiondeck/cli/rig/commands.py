@@ -6,6 +6,7 @@ import time
 from pathlib import Path
 from typing import Annotated
 
+import msgspec
 import typer
 from typer import Argument, Option
 
@@ -31,8 +32,6 @@ def doctor(
 
     Example:  motiondeck rig doctor configs/rigs/servo20.toml --port /dev/ttyUSB0
     """
-    import msgspec
-
     from hardware.bus.servo_bus import Bus
     from hardware.tools.backup import ServoBackup, save_backups
     from hardware.tools.doctor import examine, fix_settings, look_elsewhere, shorten_latency

@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
+import msgspec
 from typer import Option
 
 from motiondeck.cli.rig.shared import LineInput, RigArgument, ended_by_sigterm, in_foreground, load
@@ -57,8 +58,6 @@ def emulate(
         raise MotiondeckError(f"--root {root} needs a body: name one with --robot")
     config = load(rig)
     if fresh:
-        import msgspec
-
         one = msgspec.structs.replace(config.joints[0], id=1)
         config = msgspec.structs.replace(config, joints=(one,), baud=57600)
     plant = None

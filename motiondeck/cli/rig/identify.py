@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
+import msgspec
 import typer
 from typer import Option
 
@@ -70,8 +71,6 @@ def _measure(
     config: RigConfig, joints: Sequence[str], ports: list[str], say: Callable[[str], None]
 ) -> dict[str, Response]:
     """Identifies these joints and tells each result; exit code 130 (143) if a signal has stopped it."""
-    import msgspec
-
     from hardware.rig.supervision.rig import Rig
     from hardware.tools.identify import JointTrials, Stopped
 

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from typer import Option
 
+from hardware.errors import RigError, SerialPortError
 from motiondeck.cli.common.options import JsonOption
 from motiondeck.cli.rig.shared import LineInput, PortOption, RigArgument, aside, ended_by_sigterm, load, open_buses
 from motiondeck_base.errors import FileFormatError, MotiondeckError
@@ -106,7 +107,6 @@ def teach(
 
 def _write_keys(rig: str, out: Path, port: list[str] | None, plays: Plays | None) -> None:
     from controller.motion.encodings.joint_angles import JointBody
-    from hardware.errors import RigError
     from hardware.tools.teaching import watch_hands
     from motiondeck.page.keys.draft import Draft
     from motiondeck.page.keys.keys_page import Rehearsal, show_keys
@@ -190,7 +190,6 @@ class _Session:
     def record_takes(self, parts: list[tuple[RigConfig, Bus]], out: Path, file: Path) -> None:
         """Records takes of the motion `out`, the first into `file`, until the last one is saved or dropped."""
         from controller.motion.formats.taught_clip import read_taught_clip
-        from hardware.errors import RigError
 
         while True:
             self.typed.ask(f"{file.stem}: torque is off. Press Enter to begin ")
@@ -263,7 +262,6 @@ class _Session:
     def recorded(self, parts: list[tuple[RigConfig, Bus]], seconds: float | None) -> _Recording:
         """Records for some seconds, or until Enter; what was recorded when it is cut short, too."""
         from controller.learning.preparation.takes import is_periodic
-        from hardware.errors import RigError, SerialPortError
         from hardware.tools.teaching import taught, watch_hands
 
         moments = []

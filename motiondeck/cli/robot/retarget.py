@@ -7,10 +7,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
+import msgspec
 import typer
 from typer import Argument, Option
 
 from motiondeck.cli.common.options import JobsOption, JsonOption, SolverOption
+from motiondeck.cli.common.tables import show_table
 from motiondeck_base.progress import collected, progress
 from motiondeck_base.words import counted
 
@@ -61,8 +63,6 @@ def retarget(
       motiondeck retarget walk.bvh dance.c3d --robot g1.toml --out motions --format csv
       motiondeck retarget walk.bvh --robot g1.toml --out motions --physical
     """
-    import msgspec
-
     from controller.motion.formats.reading import recordings_in
     from motiondeck_base.jobs import Jobs
     from sim.models.robot_file import solver_named
@@ -90,7 +90,6 @@ def retarget(
 
 def print_rows(rows: list[RetargetedFile], out: Path) -> None:
     """Prints the table, notes, infeasible and failed recordings, and the sums."""
-    from motiondeck.cli.common.tables import show_table
     from sim.robots.verdict import summed
 
     segments = [name.replace("_", " ") for name in SEGMENTS]
@@ -145,8 +144,6 @@ def stand(
 
 def print_stood(rows: Sequence[StoodFile], out: Path) -> None:
     """Prints which motions stand to the end, and when others fall."""
-    from motiondeck.cli.common.tables import show_table
-
     lines, written = [], [row for row in rows if row.error is None]
     for row in written:
         plain = "stands" if row.plain_s is None else f"falls at {row.plain_s:.2f} s"

@@ -13,6 +13,7 @@ from contextlib import ExitStack, closing, contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
+import msgspec
 from typer import Argument, Option
 
 from motiondeck.cli.common.options import SHOW_PAGE_PORT
@@ -135,8 +136,6 @@ class ShowPage:
 
     def show(self, news: ShowState | ShowNotice) -> None:
         """Sends a state or a notice."""
-        import msgspec
-
         with suppress(OSError):
             self._connection.send(msgspec.json.encode(news))
 
@@ -238,8 +237,6 @@ def _are_decks(conductor: Conductor, names: str) -> bool:
 
 
 def _show_status(conductor: Conductor, *, as_json: bool) -> None:
-    import msgspec
-
     from motiondeck.page.show.show_text import show_line
     from motiondeck.shows.show_state import show_state
 

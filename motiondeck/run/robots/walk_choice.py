@@ -75,7 +75,6 @@ def choose_walk(file: Path) -> WalkChoice:
 
 
 def _fingerprint(robot: Robot) -> str:
-    """A digest of all that a trial depends on."""
     model = np.empty(mujoco.mj_sizeModel(robot.model), np.uint8)
     mujoco.mj_saveModel(robot.model, None, model)
     limits = [part.tolist() for part in (robot.limits.lower, robot.limits.upper, robot.limits.velocity)]
