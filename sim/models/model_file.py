@@ -30,7 +30,6 @@ from sim.models.free_root import free_root
 from sim.models.gravity import GRAVITY
 from sim.models.kinematic_tree import below, followers, path_to
 from sim.models.robot_file import JointLimit
-from sim.models.servo_motor import Motors, ServoMotor, strength
 from sim.models.surface import Surface
 
 LAST_SHOWN_GROUP = 2
@@ -348,12 +347,3 @@ def set_joints(path: Path, spec: mujoco.MjSpec, own: Mapping[str, JointLimit]) -
             servo = spec.actuator(name)
             servo.forcelimited, servo.forcerange = mujoco.mjtLimited.mjLIMITED_TRUE, (-limit.torque, limit.torque)
             turning.actfrclimited = mujoco.mjtLimited.mjLIMITED_FALSE
-
-
-def motors_of(servo: ServoMotor, model: mujoco.MjModel, own: Mapping[str, JointLimit]) -> Motors:
-    """The servos of a model: with the own torques of joints at stall, and own speeds above the servo's without load."""
-    none = JointLimit()
-    limits = [own.get(model.actuator(index).name, none) for index in range(model.nu)]
-    torque = np.array([limit.torque or servo.torque for limit in limits])
-    speed = np.array([max(limit.velocity or 0.0, servo.speed) for limit in limits])
-    return Motors(servo, torque, speed, strength(model))

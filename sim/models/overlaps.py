@@ -4,6 +4,7 @@ import mujoco
 import numpy as np
 
 from controller.motion.rotations import Array
+from sim.models.kinematic_tree import path_to
 
 OVERLAP = 0.003  # depth up to which covers may touch, m
 
@@ -12,15 +13,10 @@ _NEIGHBOURS = 2  # joints between bodies that overlap at the joint itself
 
 def near_bodies(model: mujoco.MjModel, rest: Array) -> set[tuple[int, int]]:
     """The pairs of bodies that are neighbours or overlap at rest (nq,), as far as the model lets them collide."""
-    near: set[tuple[int, int]] = set()
-    for body in range(1, model.nbody):
-        other = body
-        for _ in range(_NEIGHBOURS):
-            other = int(model.body_parentid[other])
-            if other != 0:
-                near.add((min(body, other), max(body, other)))
+    bodies = range(1, model.nbody)
+    near = {(above, body) for body in bodies for above in path_to(model, body)[-1 - _NEIGHBOURS : -1]}
     # Brothers hang from the same place.
-    for a in range(1, model.nbody):
+    for a in bodies:
         near |= {(a, b) for b in range(a + 1, model.nbody) if model.body_parentid[a] == model.body_parentid[b]}
     data = mujoco.MjData(model)
     data.qpos[:] = rest

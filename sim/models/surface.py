@@ -55,7 +55,11 @@ class Surface:
             if _ends_early(model, body, balls[body]) or away.max(initial=0.0) > FARTHER * far:
                 balls[body] += [ball for geom in others for ball in _skin(model, int(geom))]
             if _ends_early(model, body, balls[body]):
-                balls[body] += [(corner, 0.0) for corner in _inertia_box(model, body)]
+                # None of a box that is much longer or shorter than a rod.
+                halves = box_sides(model.body_inertia[body], float(model.body_mass[body]))
+                if LONG[0] <= halves.max() / np.linalg.norm(model.body_ipos[body] - joint) <= LONG[1]:
+                    corners = model.body_ipos[body] + rotate(model.body_iquat[body], _CORNERS * halves)
+                    balls[body] += [(corner, 0.0) for corner in corners]
         return cls._joined(balls)
 
     @classmethod
@@ -100,14 +104,6 @@ def _ends_early(model: mujoco.MjModel, body: int, balls: list[tuple[Array, float
     if away < AWAY or model.body_mass[body] < LIGHT:
         return False
     return max((float((at - joint) @ way) / away + radius for at, radius in balls), default=0.0) < BEYOND * away
-
-
-def _inertia_box(model: mujoco.MjModel, body: int) -> Array:
-    """The corners (8, 3) of the box of a body's inertia; none if it is much longer or shorter than a rod."""
-    halves = box_sides(model.body_inertia[body], float(model.body_mass[body]))
-    if not LONG[0] <= halves.max() / np.linalg.norm(model.body_ipos[body] - _joint(model, body)) <= LONG[1]:
-        return np.zeros((0, 3))
-    return model.body_ipos[body] + rotate(model.body_iquat[body], _CORNERS * halves)
 
 
 class LowestPoint:

@@ -78,9 +78,9 @@ def loads_of(
     near = TOUCHES * robot.root_height
     gravity, inertia = np.empty((2, count, len(dof)))
     depth, lowest, slide = np.zeros(count), np.empty(count), np.zeros(count)
+    places, touches = np.empty((count, 4 * len(feet), 2)), np.empty((count, 4 * len(feet)), dtype=bool)
     lies = np.zeros(count, dtype=bool)
     com, support, worst = np.empty((count, 3)), [], ("", 0.0)
-    before: tuple[Flags, Array] | None = None
     flags = model.opt.disableflags
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT.value
     try:
@@ -102,17 +102,14 @@ def loads_of(
             heights = rest.positions(data)[:, 2] - rest.radius
             lies[k] = bool(np.any(heights < lowest[k] + near))
             support.append(convex_hull(corners[_on_the_ground(corners, robot, STANDS), :2]))
-            touches = _on_the_ground(corners, robot, TOUCHES)
-            if before is not None:
-                both = touches & before[0]
-                moved = np.hypot(*(corners[both, :2] - before[1][both, :2]).T) / DT
-                slide[k] = float(moved.max(initial=0.0))
-            before = touches, corners
+            places[k], touches[k] = corners[:, :2], _on_the_ground(corners, robot, TOUCHES)
             depth[k], pair = collisions(qpos[k])
             if depth[k] > worst[1]:
                 worst = pair, depth[k]
     finally:
         model.opt.disableflags = flags
+    moved = np.hypot(*np.moveaxis(np.diff(places, axis=0), 2, 0)) / DT
+    slide[1:] = np.where(touches[1:] & touches[:-1], moved, 0.0).max(axis=1, initial=0.0)
     return Loads(
         velocity=qvel[:, dof],
         gravity=gravity,

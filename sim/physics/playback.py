@@ -77,7 +77,6 @@ class PhysicsPlayback:
         self.data = mujoco.MjData(model)
         self.qpos = self.data.qpos  # shape (nq,), which the next write overwrites
         self._warnings = self.data.warning.number[_BROKEN]
-        self._ctrl = self.data.ctrl
         self._steps = max(1, round(dt / model.opt.timestep))
         self._dt = self._steps * model.opt.timestep
         self._balance = Balance(robot, model, self._dt) if balance else None
@@ -161,12 +160,12 @@ class PhysicsPlayback:
         np.multiply(self._lead, self._turned[layout.dof], ahead)
         ahead[layout.hinge] += self._goal[layout.hinge_qpos]
         for _ in range(self._steps):
-            self._ctrl[:] = self._ahead
+            data.ctrl[:] = self._ahead
             if len(balls := layout.ball):
                 # MuJoCo subtracts the joint's rotation vector from the control; the difference is to be the error.
                 mujoco.mj_differentiatePos(self.model, self._turned, 1.0, self._straight, data.qpos)
                 mujoco.mj_differentiatePos(self.model, self._error, 1.0, data.qpos, self._goal)
-                self._ctrl[balls] += (self._turned + self._error)[layout.dof[balls]]
+                data.ctrl[balls] += (self._turned + self._error)[layout.dof[balls]]
             if servos is None:
                 self.step(self.model, data)
             else:

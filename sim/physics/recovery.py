@@ -9,7 +9,7 @@ SOFT of their kp and all of their kv, which takes up the energy of the fall.
 
 import math
 from collections.abc import Iterator, Sequence
-from enum import Enum, auto
+from enum import Enum
 from itertools import chain
 
 import mujoco
@@ -69,14 +69,7 @@ def has_fallen(qpos: Array, played: Array, standing: Array) -> bool:
     return bool(qpos[2] < FALLEN_HEIGHT * played[2] or lean > played_lean + FALLEN_TILT)
 
 
-class Phase(Enum):
-    """Phases of a recovery."""
-
-    PLAYS = auto()
-    FALLS = auto()
-    RISES = auto()
-    JOINS = auto()
-    LIES = auto()
+Phase = Enum("Phase", "PLAYS FALLS RISES JOINS LIES")  # of a recovery
 
 
 class Recovery:

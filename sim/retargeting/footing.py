@@ -52,12 +52,8 @@ class Footing:
         self._scale, self._pelvis, self._trunk = scale, pelvis, trunk
         self._touches = TOUCHES * stance.leg * scale
         self._surface, self._lowest = Surface.touching(model), LowestPoint(model)
-        self._find_soles(feet)
-        self.reset()
-
-    def _find_soles(self, feet: Sequence[int]) -> None:
-        """The points of the bodies of the soles, as rows of equal length."""
-        model, surface = self._model, self._surface
+        # The points of the bodies of the soles, as rows of equal length.
+        surface = self._surface
         sides = {body: side for side, foot in enumerate(feet) for body in below(model, foot)}
         sides = {body: side for body, side in sides.items() if (surface.body == body).any()}
         self._feet_known = len(set(sides.values())) == 2 == self.stance.feet
@@ -76,6 +72,7 @@ class Footing:
         # The rest of the skin counts only close to the floor.
         self._other = surface.part(np.setdiff1d(surface.body, self._bodies))
         self._other_solids = np.flatnonzero(~np.isin(self._lowest.body, self._bodies))
+        self.reset()
 
     def reset(self, dt: float | None = None) -> None:
         """Resets place and stance: the next pose stands where the human stands; poses are dt seconds apart."""

@@ -183,11 +183,8 @@ class LimbFinder:
         if not way:
             raise self._no_hinge(lower)
         start, tip = self._data.xpos[upper], self._tip(lower, self._data.xanchor[way[-1]])
-        across: list[int] = []
-        for joint in reversed(way):
-            at, axis = self._data.xanchor[joint], self._data.xaxis[joint]
-            if sine(axis, at - start) >= ACROSS and sine(axis, tip - at) >= ACROSS:
-                across.append(joint)
+        at, axis, back = self._data.xanchor, self._data.xaxis, reversed(way)
+        across = [j for j in back if min(sine(axis[j], at[j] - start), sine(axis[j], tip - at[j])) >= ACROSS]
         body, ranges = self._model.jnt_bodyid, np.ptp(self._model.jnt_range, axis=1)
         ranges = np.where(self._model.jnt_limited, ranges, np.inf)
         return max((j for j in across if body[j] == body[across[0]]), key=lambda j: ranges[j], default=way[0])

@@ -79,21 +79,17 @@ class StuckLimbs:
             before = scout
             scout, there = self._advance(scout, goals, low - scout, high - scout)
         self._scout = scout
-        if self.crossing.any():
-            return self._crossed(q, scout, lowest, highest)
-        self._looked += self._steps
-        if self._looked < LOOKS and np.abs(scout - before).max() > SETTLED:
-            return q
-        for limb, joints in zip(self._limbs, self._joints, strict=True):
-            far = (missed[limb] > self._far[limb]).any()
-            if far and there[limb].sum() < BETTER**2 * missed[limb].sum():
-                self.crossing |= joints
         if not self.crossing.any():
-            self._scout, self._waiting = None, self._pause
-            return q
-        return self._crossed(q, scout, lowest, highest)
-
-    def _crossed(self, q: Array, scout: Array, lowest: Array, highest: Array) -> Array:
+            self._looked += self._steps
+            if self._looked < LOOKS and np.abs(scout - before).max() > SETTLED:
+                return q
+            for limb, joints in zip(self._limbs, self._joints, strict=True):
+                far = (missed[limb] > self._far[limb]).any()
+                if far and there[limb].sum() < BETTER**2 * missed[limb].sum():
+                    self.crossing |= joints
+            if not self.crossing.any():
+                self._scout, self._waiting = None, self._pause
+                return q
         crossing = self.crossing
         q = np.where(crossing, np.clip(scout, lowest, highest), q)
         if np.abs(scout - q)[crossing].max() < THERE:

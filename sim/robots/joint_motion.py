@@ -39,20 +39,15 @@ class JointMotion:
         whether the motion is a loop or ends in a pose. FileFormatError for another ending, or if it cannot be written.
         """
         path = Path(path)
-        check_ending(path)
-        if path.suffix.lower() == ".csv":
+        if (ending := path.suffix.lower()) not in (".csv", ".clip"):
+            raise FileFormatError(f"{path}: joint motions are written as .csv or .clip. Name the file so.")
+        if ending == ".csv":
             columns = ("time", *ROOT_COLUMNS, *self.joints)  # s, m, quaternion, rad
             rows = np.column_stack([np.arange(len(self)) / self.rate, self.root, self.angles])
             lines = [",".join(columns), *(",".join(f"{value:.9g}" for value in row) for row in rows), ""]
             write_file(path, "\n".join(lines).encode())
         else:
             save_taught_clip(taught_clip(self.name, self.joints, self.rate, self.angles), path, plays)
-
-
-def check_ending(path: Path) -> None:
-    """Refuses, by FileFormatError, another ending than .csv or .clip."""
-    if path.suffix.lower() not in (".csv", ".clip"):
-        raise FileFormatError(f"{path}: joint motions are written as .csv or .clip. Name the file so.")
 
 
 def retargeted(robot: Robot, clip: Clip, given: Array | None = None) -> JointMotion:

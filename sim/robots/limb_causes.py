@@ -17,7 +17,6 @@ from typing import Any, Literal
 import mujoco
 import numpy as np
 
-from controller.deck.interfaces import JointLimits
 from controller.motion.rotations import Array, Flags
 from sim.models.kinematic_tree import followers, path_to
 from sim.robots.limb_directions import MEAN_LIMIT, WORST_LIMIT, LimbDirections, LimbSegment, degrees_between
@@ -54,7 +53,7 @@ def limb_causes(
         worst = off[:, rows].max(axis=1)
         frames = np.union1d(np.arange(0, len(off), max(round(rate / RATE), 1)), [int(worst.argmax())])
         own = goals[frames][:, rows]
-        best_of = ReachableLimb(robot.model, directions, limb, robot.joints, robot.limits)
+        best_of = ReachableLimb(robot, directions, limb)
         reach = best_of.best(own)
 
         far, least = worst[frames] > WORST_LIMIT, _as_a_whole(reach, own)
@@ -101,18 +100,11 @@ def _as_a_whole(there: Array, goals: Array) -> Array:
 class ReachableLimb:
     """The best directions of one limb of s segments on n hinges, of which `joints` (m,), played indices, are free."""
 
-    def __init__(
-        self,
-        model: mujoco.MjModel,
-        directions: LimbDirections,
-        segments: Sequence[LimbSegment],
-        joints: tuple[str, ...],
-        limits: JointLimits,
-    ) -> None:
-        """Args: the robot; its segments; those of the limb; the J played joints, and their limits."""
+    def __init__(self, robot: Robot, directions: LimbDirections, segments: Sequence[LimbSegment]) -> None:
+        """Args: the robot; its segments; those of the limb."""
         from scipy.stats import qmc  # not where a library is only played
 
-        at = directions.standing
+        at, model, joints, limits = directions.standing, robot.model, robot.joints, robot.limits
         trunk, body = path_to(model, segments[0].trunk), path_to(model, segments[-1].body)
         common = len([one for one in trunk if one in body])
         way = [(b, -1.0) for b in reversed(trunk[common:])] + [(b, 1.0) for b in body[common:]]

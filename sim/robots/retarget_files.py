@@ -85,8 +85,9 @@ def retarget_files(
     done = _opened(out, settings)
     left: list[tuple[Path, Path]] = []
     for recording, place in places.items():
-        row = done.get(str(recording))
-        if row is not None and _is_done(row, recording, out):
+        row, facts = done.get(str(recording)), recording.stat()
+        now = facts.st_size, facts.st_mtime_ns
+        if row and row.verdict and row.file and (row.size, row.changed) == now and (out / row.file).exists():
             yield row
         else:
             left.append((recording, place))
@@ -100,13 +101,6 @@ def retarget_files(
                 yield row
     except OSError as error:
         raise MotiondeckError.unwritable(out, error) from None
-
-
-def _is_done(row: RetargetedFile, recording: Path, out: Path) -> bool:
-    """Whether the row of an earlier run is up to date, and its file is there."""
-    facts = recording.stat()
-    same = (row.size, row.changed) == (facts.st_size, facts.st_mtime_ns)
-    return same and None not in (row.file, row.verdict) and (out / str(row.file)).exists()
 
 
 def _places(paths: Sequence[Path], format: Format) -> dict[Path, Path]:
@@ -179,7 +173,9 @@ def _carried(
         marked = place if verdict.ok else place.with_suffix(MARK + place.suffix)
         (out / marked).parent.mkdir(parents=True, exist_ok=True)
         write_training_file(out / marked, fitted.model, motion.qpos, clip.rate, format)
-        _write_names(out / JOINTS_FILE, fitted)
+        if not (names := out / JOINTS_FILE).exists():  # for their reader; what follows another joint after #
+            joints = [fitted.model.joint(joint).name for joint in range(1, fitted.model.njnt)]
+            write_file(names, "".join(f"{'# ' * (one not in fitted.joints)}{one}\n" for one in joints).encode())
         for other in {place, place.with_suffix(MARK + place.suffix)} - {marked}:
             (out / other).unlink(missing_ok=True)
         return RetargetedFile(file=str(marked), **known)
@@ -187,14 +183,6 @@ def _carried(
         return RetargetedFile(error=str(error), **known)
     except Exception as error:  # one odd recording must not end a run over thousands
         return RetargetedFile(error=f"{recording}: {type(error).__name__}: {error}", **known)
-
-
-def _write_names(file: Path, robot: Robot) -> None:
-    """The joints of the files, for their reader; those that follow another one after #."""
-    names = [robot.model.joint(joint).name for joint in range(1, robot.model.njnt)]
-    if not file.exists():
-        lines = (name if name in robot.joints else f"# {name}" for name in names)
-        write_file(file, "".join(f"{line}\n" for line in lines).encode())
 
 
 def _carried_at(

@@ -31,7 +31,7 @@ from sim.models.formats.urdf_visuals import with_visuals
 from sim.models.joint_layout import JointLayout
 from sim.models.kinematic_tree import UprightPelvis
 from sim.models.mannequin.mannequin import build_mannequin
-from sim.models.model_file import motors_of, read_model, set_joints
+from sim.models.model_file import read_model, set_joints
 from sim.models.robot_file import JointLimit, RobotFile, Row, Solver, read_robot_file
 from sim.models.scenery import add_gantry, add_lamp, set_stage
 from sim.models.servo_motor import Motors, ServoMotor, strength
@@ -93,8 +93,13 @@ class Robot:
 
     @property
     def motors(self) -> Motors | None:
-        """Its servos; None if its file has no data of them."""
-        return motors_of(self.servo, self.model, self.own) if self.servo is not None else None
+        """Its servos, with joints' own torques at stall and own speeds above the servo's; None without data of them."""
+        if (servo := self.servo) is None:
+            return None
+        limits = [self.own.get(self.model.actuator(index).name, JointLimit()) for index in range(self.model.nu)]
+        torque = np.array([limit.torque or servo.torque for limit in limits])
+        speed = np.array([max(limit.velocity or 0.0, servo.speed) for limit in limits])
+        return Motors(servo, torque, speed, strength(self.model))
 
     @property
     def strength(self) -> Array:

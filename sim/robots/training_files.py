@@ -43,7 +43,10 @@ def write_training_file(path: Path, model: mujoco.MjModel, qpos: Array, rate: fl
     if format == "qpos":
         write_file(path, npz_bytes(fps=rate, qpos=qpos, qvel=velocities(model, qpos, rate)))
         return
-    names, at = _joints(path, model)
+    if (model.jnt_type[1:] == mujoco.mjtJoint.mjJNT_BALL).any():
+        raise FileFormatError(f"{path}: the robot has ball joints, the format one number a joint. Give --format qpos.")
+    # Of all joints but the root's; their places in qvel are one earlier.
+    names, at = [model.joint(j).name for j in range(1, model.njnt)], model.jnt_qposadr[1:].astype(np.intp)
     root = in_the_files_frame(model, qpos[:, :3], qpos[:, 3:7])
     match format:
         case "csv":
@@ -103,13 +106,6 @@ def _tracking(model: mujoco.MjModel, qpos: Array, rate: float, at: NDArray[np.in
         "body_lin_vel_w": speed.astype(np.float32),
         "body_ang_vel_w": spin.astype(np.float32),
     }
-
-
-def _joints(path: Path, model: mujoco.MjModel) -> tuple[list[str], NDArray[np.intp]]:
-    """The names of all joints but the root's, and their places in qpos (one later than in qvel)."""
-    if (model.jnt_type[1:] == mujoco.mjtJoint.mjJNT_BALL).any():
-        raise FileFormatError(f"{path}: the robot has ball joints, the format one number a joint. Give --format qpos.")
-    return [model.joint(j).name for j in range(1, model.njnt)], model.jnt_qposadr[1:].astype(np.intp)
 
 
 def npz_bytes(**arrays: object) -> bytes:

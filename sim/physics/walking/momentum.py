@@ -26,7 +26,6 @@ the second of
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -116,14 +115,6 @@ def _triangle(half: int) -> Array:
     return weights / weights.sum()
 
 
-class LegSwing(NamedTuple):
-    """The effect of swinging legs."""
-
-    shift: Array  # of the planned capture point, shape (2,), m
-    along: float  # change of the shift by the present step's length
-    arm: Array  # s, shape (2,), m
-
-
 def legs_carry(
     model: mujoco.MjModel, body: WholeBody, goal: Array, places: Sequence[Array], turns: Sequence[Array], centre: Array
 ) -> float:
@@ -146,8 +137,11 @@ def legs_carry(
     return float(shares.mean())
 
 
-def leg_swing(now: float, omega: float, carried: float, gait: Gait) -> LegSwing:
-    """(14) for the steps of a gait at a time, s, with omega, 1/s, and carried = kappa / W, s^2."""
+def leg_swing(now: float, omega: float, carried: float, gait: Gait) -> tuple[Array, float, Array]:
+    """(14) for the steps of a gait at a time, s, with omega, 1/s, and carried = kappa / W, s^2.
+
+    Shift of the planned capture point (2,), m, its change by the present step's length, and s (2,), m.
+    """
     shift, arm, along = np.zeros(2), np.zeros(2), 0.0
     landed: list[Array | None] = [None, None]
     for step in gait.coming:
@@ -164,4 +158,4 @@ def leg_swing(now: float, omega: float, carried: float, gait: Gait) -> LegSwing:
         # A later step of the same foot begins as much farther as it ends.
         along += moved if landed[step.foot] is None else 0.0
         landed[step.foot] = step.place
-    return LegSwing(shift, along, arm)
+    return shift, along, arm

@@ -31,7 +31,17 @@ def check_legs(robot: Robot, model: mujoco.MjModel, body: WholeBody, feet: tuple
 
     `roll` is the largest distance of the centre of pressure from the middle of the sole, m.
     """
-    _check_ankles(robot, model, feet)
+    rest = mujoco.MjData(model)
+    robot.layout.place(robot.rest, rest.qpos)
+    mujoco.mj_kinematics(model, rest)
+    for foot in feet:
+        own = int(model.body(foot.body).id)
+        sole = rest.xpos[own] + rest.xmat[own].reshape(3, 3) @ foot.sole
+        if rest.xpos[model.body_weldid[own], 2] - sole[2] > ANKLE * (rest.xpos[model.jnt_bodyid[0], 2] - sole[2]):
+            raise MotiondeckError(
+                f"robot '{robot.name}' has no ankle above '{foot.body}', so it cannot walk: leave --walk;"
+                " --root gantry carries it"
+            )
     plan, root = body.plan, int(model.jnt_bodyid[0])
     weight, centre = float(model.body_subtreemass[root]) * GRAVITY, plan.subtree_com[root]
     joints, dof, most = model.actuator_trnid[:, 0], robot.layout.dof, robot.strength
@@ -72,17 +82,3 @@ def _check_stiffness(robot: Robot, model: mujoco.MjModel, body: WholeBody, foot:
             f" softest, holds {stiffness[softest]:.3g} N m/rad. Raise their gain (`kp` of a position actuator in an"
             " MJCF), or leave --walk; --root gantry carries it"
         )
-
-
-def _check_ankles(robot: Robot, model: mujoco.MjModel, feet: tuple[Foot, ...]) -> None:
-    rest = mujoco.MjData(model)
-    robot.layout.place(robot.rest, rest.qpos)
-    mujoco.mj_kinematics(model, rest)
-    for foot in feet:
-        own = int(model.body(foot.body).id)
-        sole = rest.xpos[own] + rest.xmat[own].reshape(3, 3) @ foot.sole
-        if rest.xpos[model.body_weldid[own], 2] - sole[2] > ANKLE * (rest.xpos[model.jnt_bodyid[0], 2] - sole[2]):
-            raise MotiondeckError(
-                f"robot '{robot.name}' has no ankle above '{foot.body}', so it cannot walk: leave --walk;"
-                " --root gantry carries it"
-            )

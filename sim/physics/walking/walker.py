@@ -170,9 +170,9 @@ class Walker:
         capture, tilt = self._measure(seen, soles, yaws)
         times, knots = gait.course(self._now)
         planned = planned_capture_point(times, knots, self._now, omega)
-        legs = leg_swing(self._now, omega, self._carried, gait)
-        wanted = planned[:2] + _turning(self._astray) @ self._momentum.shift + legs.shift
-        effect = float(planned[2]) + legs.along
+        shift, along, arm = leg_swing(self._now, omega, self._carried, gait)
+        wanted = planned[:2] + _turning(self._astray) @ self._momentum.shift + shift
+        effect = float(planned[2]) + along
         wanted = wanted + effect * gait.catch(self._now, capture - wanted, effect)
         gait.recover(self._now, capture - wanted, capture)
         off = float(np.hypot(*(capture - wanted))) / (LOST * self._height)
@@ -189,7 +189,7 @@ class Walker:
         self._body.step(wanted_posture, *self._feet(tilt), self._centre + self._ankles(capture - wanted), rise)
         goal[:] = self._body.plan.qpos
         self._pressure = np.array([np.interp(self._now, times, knots[:, axis]) for axis in range(2)])
-        self._carry(goal, self._pressure, legs.arm)
+        self._carry(goal, self._pressure, arm)
         self.travel.add(data.qpos[:2])
 
     def _stand_where_it_landed(self, foot: int, soles: Array, yaws: Array) -> None:

@@ -84,8 +84,10 @@ class WholeBody:
         self._soles, self._axes = [foot.sole for foot in feet], [foot.axes for foot in feet]
         hinges = [int(model.body_dofnum[path_to(model, body)[1:]].sum()) for body in self.bodies]
         self._cannot_roll = [k for k, count in enumerate(hinges) if count < LEG_HINGES]
-        self._weight = self._weights(height_weight)
-        self.legs = self._weight == LEG  # which degrees of freedom belong to legs, shape (nv,)
+        legs = [part for body in self.bodies for part in path_to(model, body)[1:]]
+        self.legs = np.isin(model.dof_bodyid, legs)  # which degrees of freedom belong to legs, shape (nv,)
+        self._weight = np.where(self.legs, LEG, REST)  # cost of not going as it is played
+        self._weight[:6] = 0.0, 0.0, height_weight, LEAN, LEAN, LEAN
         self._most = np.full(model.nv, np.inf)  # in a tick
         self._most[robot.layout.dof] = robot.limits.velocity * dt
         knees, *self._ends = bent_knees(model, self.bodies)
@@ -175,18 +177,6 @@ class WholeBody:
         bent = _solve(matrix, wanted, held, to)
         high = min(max(float(bent[2]), -rise), rise)
         return bent if bent[2] == high else _solve(matrix, wanted, [2, *held], [high, *to])
-
-    def _weights(self, height: float) -> Array:
-        """What it costs each degree of freedom not to go as it is played, shape (nv,)."""
-        model = self._model
-        weight = np.full(model.nv, REST)
-        weight[:6] = (0.0, 0.0, height, LEAN, LEAN, LEAN)
-        for body in self.bodies:
-            while model.body_parentid[body] != 0:
-                first, count = model.body_dofadr[body], model.body_dofnum[body]
-                weight[first : first + count] = LEG
-                body = int(model.body_parentid[body])
-        return weight
 
 
 def _solve(matrix: Array, wanted: Array, given: Sequence[int], to: Sequence[float]) -> Array:

@@ -45,7 +45,7 @@ def test_what_the_robot_itself_does_is_in_reach(tmp_path, extra):
     goals = pointing(robot, directions, random_poses(robot, 12))
     for limb in directions.limbs:
         rows = [directions.segments.index(segment) for segment in limb]
-        best = ReachableLimb(robot.model, directions, limb, robot.joints, robot.limits).best(goals[:, rows])
+        best = ReachableLimb(robot, directions, limb).best(goals[:, rows])
         assert degrees_between(best, goals[:, rows]).max() < 1.5
 
 
@@ -57,7 +57,7 @@ def test_what_is_found_is_within_reach_and_no_grid_of_angles_is_better(tmp_path)
     rows = [directions.segments.index(segment) for segment in limb]
     goals = random.normal(size=(20, 2, 3))
     goals /= np.linalg.norm(goals, axis=2)[:, :, None]
-    best = ReachableLimb(robot.model, directions, limb, robot.joints, robot.limits).best(goals)
+    best = ReachableLimb(robot, directions, limb).best(goals)
     own = [robot.joints.index(f"right_{name}") for name in ("arm_pitch", "arm_roll", "elbow")]
     grid = np.stack(
         np.meshgrid(*(np.linspace(robot.limits.lower[j], robot.limits.upper[j], 14) for j in own)), axis=-1
@@ -125,6 +125,6 @@ def test_an_arm_of_three_joints_shares_what_it_cannot_reach(tmp_path):
         wanted = seen(directions, goals[None])
         for limb in directions.limbs:
             rows = [directions.segments.index(segment) for segment in limb]
-            best = ReachableLimb(robot.model, directions, limb, robot.joints, robot.limits).best(wanted[:, rows])
+            best = ReachableLimb(robot, directions, limb).best(wanted[:, rows])
             short = degrees_between(there[:, rows], wanted[:, rows]) - degrees_between(best, wanted[:, rows])
             assert short.mean() < 5.0
