@@ -81,19 +81,15 @@ def _axes(model: mujoco.MjModel, balls: list[int]) -> list[Array]:
     length = float(np.linalg.norm(farthest))
     side, found = farthest / length if length > 0.0 else np.array([0.0, 1.0, 0.0]), []
     for ball, own in zip(balls, body, strict=True):
-        limb = _limb(model, data, ball)
+        # Towards the next joints, or the middle of the body.
+        at, following = data.xanchor[ball], np.flatnonzero(model.body_parentid == own)
+        ends = data.xanchor[np.isin(model.jnt_bodyid, following)]
+        ways = [end - at for end in (ends.mean(axis=0) if len(ends) else at, data.xipos[own])]
+        limb = next((way for way in ways if np.linalg.norm(way) > 1e-6), np.array([0.0, 0.0, 1.0]))
+        limb = limb / np.linalg.norm(limb)
         across = np.cross(limb, side)
         if np.linalg.norm(across) < _ALONG:
             across = np.cross(side, np.eye(3)[int(np.argmin(np.abs(side)))])
         across /= np.linalg.norm(across)
         found.append(np.array([side, across, limb]) @ data.xmat[own].reshape(3, 3))
     return found
-
-
-def _limb(model: mujoco.MjModel, data: mujoco.MjData, ball: int) -> Array:
-    """The direction from a ball joint to the next joints, or to the middle of its body."""
-    body, at = int(model.jnt_bodyid[ball]), data.xanchor[ball]
-    following = data.xanchor[np.isin(model.jnt_bodyid, np.flatnonzero(model.body_parentid == body))]
-    ways = [end - at for end in (following.mean(axis=0) if len(following) else at, data.xipos[body])]
-    way = next((way for way in ways if np.linalg.norm(way) > 1e-6), np.array([0.0, 0.0, 1.0]))
-    return way / np.linalg.norm(way)

@@ -116,8 +116,6 @@ class Recovery:
             self._guard.take_over(before)
             self._begin(Phase.FALLS)
         match self.phase:
-            case Phase.PLAYS:
-                pass
             case Phase.FALLS:
                 self._guard.adjust(goal)
                 if self._robot.rise is not None and not held and self.seconds > FALLS and self._is_still(data):

@@ -33,7 +33,8 @@ class ThreeServoArm:
         (x, y, z), (fx, fy, fz) = upper, fore
         along = x * fx + y * fy + z * fz
         pitch = atan2(-x - FOREARM * (fz - along * z), -z + FOREARM * (fx - along * x))
-        return self.fit(upper, fore, pitch, angle_between(upper, fore), FIRST_ROUNDS)
+        ax, ay, az = y * fz - z * fy, z * fx - x * fz, x * fy - y * fx
+        return self.fit(upper, fore, pitch, atan2(sqrt(ax * ax + ay * ay + az * az), along), FIRST_ROUNDS)
 
     def fit(
         self, upper: Vector, fore: Vector, pitch: float, elbow: float, rounds: int = ROUNDS
@@ -87,10 +88,3 @@ class ThreeServoArm:
         alike = sideways * y + down * (s * x + c * z)
         alike += FOREARM * (bent * (c * fx - s * fz) + straight * (sideways * fy + down * (s * fx + c * fz)))
         return 1.0 + FOREARM - alike
-
-
-def angle_between(a: Vector, b: Vector) -> float:
-    """The angle between two unit vectors, rad."""
-    (ax, ay, az), (bx, by, bz) = a, b
-    x, y, z = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
-    return atan2(sqrt(x * x + y * y + z * z), ax * bx + ay * by + az * bz)

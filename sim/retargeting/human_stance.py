@@ -137,10 +137,7 @@ class HumanStance:
         self.begun = self._before is None or hypot(x - self._at[0], y - self._at[1]) > TELEPORT * self.leg
         if self.begun or self._before is None:
             self._floor, self._before = min([sole.lowest for sole in soles]), soles
-        self._update(soles, self._before)
-        self._before, self._at = soles, (x, y)
-
-    def _update(self, soles: list[Sole], before: list[Sole]) -> None:
+        before, self._before, self._at = self._before, soles, (x, y)
         slow, flat_below = STILL * self.leg * self._dt, FLAT * self.leg * self._dt
         still, flat, lows, self.rolled, self.heights = [], [], [], [], []
         for foot, (now, then) in enumerate(zip(soles, before, strict=True)):

@@ -11,6 +11,7 @@ solution, others are started anywhere in the joints' ranges, and each limb takes
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 
 import mujoco
@@ -30,13 +31,13 @@ from sim.models.kinematic_tree import followers
 from sim.models.model_file import read_model
 from sim.models.robot_file import Angle
 from sim.models.surface import LowestPoint
-from sim.retargeting.human_limbs import LIMBS
+from sim.retargeting.human_limbs import LIMBS, UP
 from sim.retargeting.inverse_kinematics import LimbSolver
-from sim.retargeting.limb_finder import SIDES, without_legs
+from sim.retargeting.limb_finder import FEET, SIDES, without_legs
 from sim.retargeting.retarget import SERVO_HUMANOID_JOINTS, LimbAngles
 from sim.retargeting.robot_limbs import RobotLimbs, limb_directions
 from sim.robots.body_matching import match
-from sim.robots.limb_directions import LimbDirections
+from sim.robots.limb_directions import SEGMENTS, LimbDirections
 from sim.robots.proportions import HUMAN, Doubt, SegmentPair, limb_doubts, segments_of, undriven_limbs, unit_doubts
 from sim.robots.robot import joint_ranges
 
@@ -53,9 +54,9 @@ _UNPLAYED = (int(mujoco.mjtJoint.mjJNT_SLIDE), int(mujoco.mjtJoint.mjJNT_BALL))
 _CLOSING = (int(mujoco.mjtEq.mjEQ_CONNECT), int(mujoco.mjtEq.mjEQ_WELD))
 # Of the rest pose: number of tries; error that needs no other try, and improvement that replaces a limb, rad.
 TRIES, GOOD, BETTER = 24, 0.1, 0.1
-UP = np.array([0.0, 0.0, 1.0])
-SEGMENTS = (("thigh", "shank"), ("upper_arm", "forearm"))
-_ROWS = [[LIMBS.index(f"{side}_{part}") for part in parts] for side in SIDES for parts in SEGMENTS]  # of each limb
+_ROWS = [
+    [LIMBS.index(f"{side}_{part}") for part in parts] for side in SIDES for parts in SEGMENTS.values()
+]  # of each limb
 
 
 @dataclass(frozen=True)
@@ -310,12 +311,11 @@ def rest_pose(limbs: RobotLimbs, limits: JointLimits, stand: Array) -> Array:
     rest = np.clip(np.zeros(len(limits.lower)), limits.lower, limits.upper)
     found, missed = _tried(limbs, limits, rest, poses)
     names, moved = limbs.vectors.names, limbs.moved
-    own = [
-        moved[[k for k, name in enumerate(names) if name.startswith(f"{side}_{first}")]].any(axis=0)
-        & ~moved[[k for k, name in enumerate(names) if not _is_of(name, side, first)]].any(axis=0)
-        for side in SIDES
-        for first, _ in SEGMENTS
-    ]
+    own = []  # the joints that move one limb and no other
+    for side, (first, _) in product(SIDES, SEGMENTS.values()):
+        arm, mine = first == "upper_arm", [name.startswith(f"{side}_{first}") for name in names]
+        others = [n != FEET and not (n.startswith(f"{side}_") and ("arm" in n) == arm) for n in names]
+        own.append(moved[mine].any(axis=0) & ~moved[others].any(axis=0))
     random, best = np.random.default_rng(0), found
     for _ in range(TRIES):
         if missed.max() < GOOD:
@@ -348,8 +348,3 @@ def _bent(stand: Array) -> Array:
         for part, way in (("thigh", (0.6, -0.8)), ("shank", (-0.6, -0.8)), ("forearm", (1.0, 0.0))):
             bent[LIMBS.index(f"{side}_{part}")] = way[0], 0.0, way[1]
     return bent
-
-
-def _is_of(name: str, side: str, first: str) -> bool:
-    """Whether a vector belongs to a limb, or goes from foot to foot."""
-    return name == "feet" or (name.startswith(f"{side}_") and ("arm" in name) == (first == "upper_arm"))

@@ -16,14 +16,13 @@ from controller.motion.rotations import Array
 from sim.models.kinematic_tree import below, hinges_at, hinges_between, path_to
 from sim.models.limb_geometry import centre_of, end_hinge, level_with, start_of
 from sim.models.surface import Surface
-from sim.retargeting.human_limbs import LIMBS
+from sim.retargeting.human_limbs import LIMBS, UP
 
 SEGMENTS = {"leg": ("thigh", "shank"), "arm": ("upper_arm", "forearm")}
 MEAN_LIMIT, WORST_LIMIT = 15.0, 45.0  # largest angle of a limb on average over a recording, and in one frame, degrees
 TURN, STEPS = 2.6, 11  # largest turn of a hinge either way, rad, and the number of steps through it
 TIP = 0.1  # of a limb without an end hinge, as a share of its length
 FOLDS_ALIKE = 0.6  # least fold of a limb, in that by the hinge that folds it most, by which it may be the knee
-UP = np.array([0.0, 0.0, 1.0])
 CLAVICLE = 0.03  # largest distance of its joint from the middle of the body, in heights of the robot
 
 

@@ -13,6 +13,7 @@ from xml.dom import expatbuilder
 from xml.parsers import expat
 
 from motiondeck_base.errors import FileFormatError
+from motiondeck_base.files import as_float
 
 _DECLARATION = re.compile(r"<\?xml\b[^>]*\?>")
 _ENCODING = re.compile(rb"""<\?xml\b[^>]*\bencoding\s*=\s*["']([\w.-]+)["']""")
@@ -84,15 +85,8 @@ def urdf_speeds(path: Path) -> dict[str, float]:
         return {}  # MuJoCo reports the error
     joints = model.getElementsByTagName("joint") if model is not None and model.tagName == "robot" else []
     limits = [(joint.getAttribute("name"), limit) for joint in joints for limit in joint.getElementsByTagName("limit")]
-    speeds = {joint: _number(limit.getAttribute("velocity")) for joint, limit in limits}
+    speeds = {joint: as_float(limit.getAttribute("velocity")) or 0.0 for joint, limit in limits}
     return {joint: speed for joint, speed in speeds.items() if joint and 0.0 < speed <= FASTEST}
-
-
-def _number(words: str) -> float:
-    try:
-        return float(words)
-    except ValueError:
-        return 0.0
 
 
 def readable_urdf(path: Path, packages: Mapping[str, Path], visuals: bool = False) -> str:

@@ -17,7 +17,7 @@ import numpy as np
 from controller.deck.interfaces import JointLimits
 from controller.motion.rotations import Array
 from sim.models.servo_motor import ROOM
-from sim.physics.loads import Loads, loads_of
+from sim.physics.loads import loads_of
 from sim.physics.physics_model import feet_of, physics_model
 from sim.physics.playback import PhysicsPlayback
 from sim.physics.played_motions import PlayedMotion, endless_poses, poses_at, targets_at
@@ -76,19 +76,18 @@ class Preflight:
         passes = fastest_passing(passes_static, tempo, _WITHIN)
         if simulate and passes is not None and not passes_simulated(passes):
             passes = fastest_passing(passes_simulated, passes)
-        obstacles = self._obstacles(played, loads, simulate=simulate) if passes is None else ()
-        return RobotVerdict(played.name, findings, passes, obstacles=obstacles, tempo=tempo)
-
-    def _carried(self, played: PlayedMotion, tempo: float) -> list[Finding]:
-        return self.carried.findings(played, tempo) if self.carried is not None else []
-
-    def _obstacles(self, played: PlayedMotion, loads: Loads, *, simulate: bool) -> tuple[Finding, ...]:
-        """The findings that fail at the slowest tempo; those of a simulation only if no others do."""
+        if passes is not None:
+            return RobotVerdict(played.name, findings, passes, tempo=tempo)
+        # The obstacles are what fails at the slowest tempo; of a simulation only if nothing else does.
         found = self.static.findings(played, loads, SLOWEST)
         if simulate and all(one.ok for one in found):
             found = [*self._carried(played, SLOWEST), *self.simulated(played, SLOWEST)]
         torque = np.abs(loads.torque(SLOWEST)).max(axis=0)
-        return tuple(msgspec.structs.replace(one, cause=self._cause(one, torque)) for one in found if not one.ok)
+        failed = (msgspec.structs.replace(one, cause=self._cause(one, torque)) for one in found if not one.ok)
+        return RobotVerdict(played.name, findings, None, obstacles=tuple(failed), tempo=tempo)
+
+    def _carried(self, played: PlayedMotion, tempo: float) -> list[Finding]:
+        return self.carried.findings(played, tempo) if self.carried is not None else []
 
     def _cause(self, finding: Finding, torque: Array) -> str:
         """The cause of a failure under torques (J,), N m, or ""."""

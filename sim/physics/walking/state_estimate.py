@@ -26,6 +26,7 @@ from controller.motion.rotations import Array, between, multiply, rotate
 # Time constant of the corrections of (9) and of the posture, s.
 BLEND = 0.1
 UP = np.array([0.0, 0.0, 1.0])
+SoleOf = Callable[[mujoco.MjData, int], tuple[Array, int]]  # the middle of a foot's sole in a state, with its body
 
 
 @dataclass(frozen=True)
@@ -75,15 +76,8 @@ class ExactState:
 class Estimate(ExactState):
     """Estimates the state from sensors."""
 
-    def __init__(
-        self,
-        model: mujoco.MjModel,
-        gravity: Array,
-        sensors: Sensors,
-        soles: Callable[[mujoco.MjData, int], tuple[Array, int]],
-        dt: float,
-    ) -> None:
-        """Args: as of `ExactState`; sensors; the middle of a foot's sole in a state, with its body; the tick, s."""
+    def __init__(self, model: mujoco.MjModel, gravity: Array, sensors: Sensors, soles: SoleOf, dt: float) -> None:
+        """Args: as of `ExactState`; sensors; the soles; the tick, s."""
         super().__init__(model, gravity)
         self._sensors, self._soles = sensors, soles
         self._random = np.random.default_rng(sensors.seed)

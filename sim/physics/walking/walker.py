@@ -166,7 +166,11 @@ class Walker:
         ended = gait.advance(self._now, self.preview.footfalls.swings, AHEAD)
         if ended is not None:
             self.preview.footfalls.forget(ended)
-            self._stand_where_it_landed(ended.foot, soles, yaws)
+            # The plan continues from the foot's real landing place, seen from the other foot.
+            foot, other = ended.foot, 1 - ended.foot
+            turn = float(wrapped(gait.yaws[other] - yaws[other]))
+            gait.places[foot] = gait.places[other] + _turning(turn) @ (soles[foot] - soles[other])[:2]
+            gait.yaws[foot] += float(wrapped(yaws[foot] + turn - gait.yaws[foot]))
         capture, tilt = self._measure(seen, soles, yaws)
         times, knots = gait.course(self._now)
         planned = planned_capture_point(times, knots, self._now, omega)
@@ -191,13 +195,6 @@ class Walker:
         self._pressure = np.array([np.interp(self._now, times, knots[:, axis]) for axis in range(2)])
         self._carry(goal, self._pressure, arm)
         self.travel.add(data.qpos[:2])
-
-    def _stand_where_it_landed(self, foot: int, soles: Array, yaws: Array) -> None:
-        """Continues the plan from the foot's real landing place, seen from the other foot."""
-        gait, other = self._gait, 1 - foot
-        turn = float(wrapped(gait.yaws[other] - yaws[other]))
-        gait.places[foot] = gait.places[other] + _turning(turn) @ (soles[foot] - soles[other])[:2]
-        gait.yaws[foot] += float(wrapped(yaws[foot] + turn - gait.yaws[foot]))
 
     def _measure(self, data: mujoco.MjData, soles: Array, yaws: Array) -> tuple[Array, Array]:
         """The capture point in the plan's plane, (2,), m, and the trunk's tilt against the plan, (3,), rad."""
