@@ -237,10 +237,10 @@ def fix_settings(config: RigConfig, bus: Bus, keep: Callable[[ServoBackup], obje
     for index, joint in enumerate(config.joints):
         one = config.only([index])
         try:
-            level = _answer_level(joint, bus)
+            level = identities.answer_level(joint, bus)
             identities.raise_answer_level_in_eeprom(one, bus)
             identities.raise_answer_level(one, bus)
-            raised = level != _answer_level(joint, bus) == joint.table.family.answers_all
+            raised = level != identities.answer_level(joint, bus) == joint.table.family.answers_all
             differences = _to_set(one, bus)
             if raised or differences:
                 (found,) = back_up(one, bus)
@@ -264,14 +264,6 @@ def fix_settings(config: RigConfig, bus: Bus, keep: Callable[[ServoBackup], obje
 
 def _to_set(config: RigConfig, bus: Bus) -> list[Difference]:
     return [one for one in audit(config, bus) if one.when != "kept"]
-
-
-def _answer_level(joint: RigJoint, bus: Bus) -> int:
-    """The status return level of a servo: 0, a ping, if it answers no read."""
-    try:
-        return read_register(joint, bus, "status_return_level")
-    except NoReplyError:
-        return 0
 
 
 def _ask(joint: RigJoint, identity: Identity, bus: Bus) -> ServoReport:

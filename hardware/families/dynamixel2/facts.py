@@ -92,8 +92,9 @@ def table(model: str) -> ControlTable:
     traits = TRAITS.get(model)
     rows = list(_with_cells(file.rows, traits is not None))
     torque = next((row.address for row in rows if row.name == "torque_enable"), 0)
+    rpm = round(file.rad_per_s / _RAD_PER_S, 3)  # one count of velocity, which the file gives rounded
     make = _register_like_xm430 if traits is not None else _plain_register
-    registers = {row.name: make(row, torque, file.rad_per_s) for row in rows}
+    registers = {row.name: make(row, torque, rpm) for row in rows}
     if traits is not None:
         registers = {name: _as_in_manual(model, register) for name, register in registers.items()}
     registers["model_number"] = replace(registers["model_number"], default=numbers()[model])
@@ -120,16 +121,16 @@ def _with_cells(rows: tuple[Row, ...], whole: bool) -> Iterator[Row]:
     yield from sorted((*plain, *cells, *newer), key=lambda row: row.address)
 
 
-def _register_like_xm430(row: Row, torque: int, rad_per_s: float) -> Register:
+def _register_like_xm430(row: Row, torque: int, rpm: float) -> Register:
     """A register whose name the XM430 has too; its own words, at this model's place."""
     like = _COMMON.get(row.name)
     if like is None or like.length != row.length:
-        return _plain_register(row, torque, rad_per_s)
-    scale = _rpm(rad_per_s) if like.unit == "rpm" and rad_per_s else like.scale
+        return _plain_register(row, torque, rpm)
+    scale = rpm if like.unit == "rpm" and rpm else like.scale
     return replace(like, address=row.address, scale=scale)
 
 
-def _plain_register(row: Row, torque: int, rad_per_s: float) -> Register:
+def _plain_register(row: Row, torque: int, rpm: float) -> Register:
     like = _COMMON.get(row.name)
     signed = row.name == "present_load" or row.name.endswith("_offset")
     signed = signed if like is None else like.signed and like.length == row.length
@@ -137,7 +138,7 @@ def _plain_register(row: Row, torque: int, rad_per_s: float) -> Register:
     signed = signed or (row.name.endswith("position_limit") and row.length == 4)
     bits = 8 * row.length
     unit, scale = ("", 1.0) if like is None else (like.unit, like.scale)
-    scale = _rpm(rad_per_s) if unit == "rpm" and rad_per_s else scale
+    scale = rpm if unit == "rpm" and rpm else scale
     return Register(
         name=row.name,
         address=row.address,
@@ -151,11 +152,6 @@ def _plain_register(row: Row, torque: int, rad_per_s: float) -> Register:
         unit=unit,
         scale=scale,
     )
-
-
-def _rpm(rad_per_s: float) -> float:
-    """The unit of velocity in rev/min, which the maker's files give rounded in rad/s."""
-    return round(rad_per_s / _RAD_PER_S, 3)
 
 
 _COLUMNS = ("position_p_gain", "position_i_gain", "position_d_gain", "velocity_i_gain", "velocity_p_gain")

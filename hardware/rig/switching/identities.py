@@ -55,15 +55,18 @@ def raise_answer_level_in_eeprom(config: RigConfig, bus: Bus) -> None:
     """The same for servos with this level in EEPROM; where it is too low, the ping does not tell the model."""
     # EEPROM cells wear out, so it is written only where it is wrong.
     for index, joint in enumerate(config.joints):
-        if joint.table["status_return_level"].memory == "RAM":
-            continue
-        try:
-            right = read_register(joint, bus, "status_return_level") == joint.table.family.answers_all
-        except ServoError:
-            right = False
-        if not right:
+        in_eeprom = joint.table["status_return_level"].memory == "EEPROM"
+        if in_eeprom and answer_level(joint, bus) != joint.table.family.answers_all:
             sync_write_all(config.only([index]), bus, "torque_enable", 0)
             _answer_all(config.only([index]), bus)
+
+
+def answer_level(joint: RigJoint, bus: Bus) -> int:
+    """The status return level of a servo: 0, a ping, if it answers no read."""
+    try:
+        return read_register(joint, bus, "status_return_level")
+    except ServoError:
+        return 0
 
 
 def _answer_all(config: RigConfig, bus: Bus) -> None:
