@@ -53,8 +53,7 @@ class Recognizer:
 
     def stream(self) -> RecognitionStream:
         """Recognizes frame by frame."""
-        model = self.model
-        return RecognitionStream(self, OnlineRecognizer(model.bank, model.threshold, model.recipe.rate))
+        return RecognitionStream(self)
 
     def watch(self, skeleton: Skeleton) -> PoseStream:
         """Recognizes the poses of a body one by one, at any rate. MotiondeckError if a compared joint is missing."""
@@ -79,7 +78,9 @@ class RecognitionStream:
     """Recognition of a stream of features, on the evidence of the last 0.15 s."""
 
     recognizer: Recognizer
-    _online: OnlineRecognizer = field(repr=False)
+
+    def __post_init__(self) -> None:
+        self.reset()
 
     def update(self, frame: NDArray[np.float64]) -> str | None:
         """The motion that is seen at the next frame (C,), or None while unsure. MotiondeckError for another shape."""
@@ -107,7 +108,8 @@ class RecognitionStream:
 
     def reset(self) -> None:
         """Forgets everything that was seen."""
-        self._online.reset()
+        model = self.recognizer.model
+        self._online = OnlineRecognizer(model.bank, model.threshold, model.recipe.rate)
 
 
 @dataclass
