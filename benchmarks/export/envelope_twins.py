@@ -1,4 +1,4 @@
-"""Whether the envelope in C does as its twin in Python, over a million targets.
+"""Whether the envelope in C does as its twin in Python, on a million targets.
 
 Each run has limits and a tick of its own, and targets that wander, leap, leave the range or are
 no numbers; now and then joints brake. Safe targets are compared bit for bit.
