@@ -54,7 +54,7 @@ def main(
     with progress("training", len(list(variants(evaluation.recipe, evaluation.syllabus)))) as tick:
         found = costs(evaluation.recipe, evaluation.syllabus, seed, tick)
     notes = ["processor time on one core; powers are slopes of lines through logarithms, the thesis's are upper bounds"]
-    result = cost_table(f"{evaluation.name}: cost", found, notes, bounds=not evaluation.trainer.noise_note)
+    result = cost_table(f"{evaluation.name}: cost", found, notes, bounds=not evaluation.noise_note)
     deliver(result, csv_file=table, plot=plot, draw=draw_costs, as_json=as_json)
 
 

@@ -1,8 +1,7 @@
 """An ensemble: robots that play the same poses, as one robot with the joints of all, which goes as the slowest does."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import fields
-from typing import Any
 
 import numpy as np
 
@@ -59,11 +58,20 @@ class RobotOutput:
         self._held[self._mine] = own
         return self._held
 
-    def __getattr__(self, name: str) -> Any:
-        """Whether the output holds its joints, its incidents and their causes, where it has these."""
-        if name not in ("at_rest", "incidents", "explain"):
-            raise AttributeError(name)
-        return getattr(self._output, name)
+    @property
+    def at_rest(self) -> bool:
+        """Whether the output, if it brakes joints on its own, holds them."""
+        return getattr(self._output, "at_rest", True)
+
+    @property
+    def incidents(self) -> Sequence[str]:
+        """What has happened to the output's servos lately, in words, if it has any."""
+        return getattr(self._output, "incidents", ())
+
+    @property
+    def explain(self) -> Callable[[Collection[str]], list[tuple[str, bool]]] | None:
+        """Says of some of them the causes, and whether each is a fault, if the output can."""
+        return getattr(self._output, "explain", None)
 
     def report(self) -> Mapping[str, object]:
         """The output's own report."""

@@ -78,7 +78,7 @@ class Act:
 
 
 def show(act: Act, port: int, ends: Callable[[], bool] = lambda: False) -> None:
-    """Shows a clip on a page of this machine until it is ended; PortError if the port is taken."""
+    """Shows a clip on a page of this machine until it is ended; MotiondeckError if the port is taken."""
     with served(port, act.title) as page:
         draw(_Stage(page, act).show, ends)
 

@@ -102,7 +102,7 @@ REAL = "The servos move. Keep clear of the rig, and know how to cut its power."
 
 
 def show_keys(draft: Draft, robot: Robot, read_rig: ReadRig, rehearsal: Rehearsal, port: int) -> None:
-    """Shows the page until the program is ended; PortError if the port is taken."""
+    """Shows the page until the program is ended; MotiondeckError if the port is taken."""
     with served(port, f"Motiondeck · {draft.file.name}") as page:
         try:
             draw(KeysPage(page, draft, robot, read_rig, rehearsal).show)

@@ -47,8 +47,7 @@ def test_an_output_gets_and_measures_its_own_joints_only():
     assert share.measured() is None
     output.present = np.array([7.0, 8.0])
     assert np.array_equal(share.measured(), [np.nan, 7.0, 8.0, np.nan], equal_nan=True)
-    assert not hasattr(share, "incidents")
-    assert not hasattr(share, "explain")
+    assert (share.incidents, share.explain) == ((), None)
     output.incidents, output.explain = ["knee was switched off on command"], lambda new: [(new[0], False)]
     assert share.explain(share.incidents) == [(output.incidents[0], False)]
     share.close()
