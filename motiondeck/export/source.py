@@ -49,6 +49,6 @@ def _baked(file: Path, robot: Path | None) -> MotionLibrary:
             "its motions are those of a human; give the file of one baked for a robot of these joints"
         )
     if baked := find_baked(RunSpec(robot=str(robot)), file, robot):
-        return baked
+        return baked[0]
     again = f"motiondeck library bake {file.stem} --robot {robot.stem}"
     raise MotiondeckError(f"its motions are those of a human, not yet carried to the joints: {again}")

@@ -46,8 +46,8 @@ class DeckView:
             page, about, commands, look_from=self._scene.look_from, before=lambda: self._past.call_back()
         )
         self._network = None
-        if about.has_network and about.library_file:
-            self._network = NetworkView(page, self._panel.parts, Path(about.library_file), height)
+        if about.network_file:
+            self._network = NetworkView(page, self._panel.parts, Path(about.network_file), height)
         if about.push_ns:
             BodyPush(self._scene.robot, height, about.push_ns, self._panel.send)
         self._add_side(model, about, commands, dropped)

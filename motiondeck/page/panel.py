@@ -42,7 +42,7 @@ def view_choices(
         humans = gui.add_dropdown("human", WAYS, hint=hint) if about.human is not None else None
         boxes = (
             gui.add_checkbox("target pose", False, hint=TARGET) if "target" in about.shapes else None,
-            gui.add_checkbox("network", False, hint=NETWORK) if about.has_network else None,
+            gui.add_checkbox("network", False, hint=NETWORK) if about.network_file else None,
             gui.add_checkbox("footprints and contacts", False) if about.walks else None,
             gui.add_checkbox("contact forces", False, hint=FORCES) if about.weight is not None else None,
             gui.add_checkbox("camera follows", True) if about.walks else None,

@@ -70,7 +70,8 @@ class Played:
     open_robots: Callable[[ExitStack], list[RobotOnDeck]]
     make_deck: Callable[[Retargeter], PlayableDeck]  # makes the deck for the robots' retargeting
     timeline: Sequence[Timed] = ()  # what is commanded when, in order
-    file: Path | None = None  # of the source, if it is a library
+    file: Path | None = None  # of the library that is asked for, if it is one
+    network_file: Path | None = None  # of the source: that, or what was baked of it
     verdicts: Mapping[str, RobotVerdict] = field(default_factory=dict[str, RobotVerdict])  # by motion, those kept
 
     @property
@@ -186,7 +187,8 @@ def _assemble(opening: ExitStack, stop: StopRequest, spec: RunSpec, played: Play
 
         # Of a recorded run only the human's root is known, and joints taught by hand were never a human's.
         human = None if isinstance(deck, RecordedDeck) or played.source.skeleton.is_rig else played.source.skeleton
-        contents = PageContents(deck, robots, human, watch, port, played.file, servos, host.restarts, played.verdicts)
+        files = played.file, played.network_file
+        contents = PageContents(deck, robots, human, watch, port, *files, servos, host.restarts, played.verdicts)
         shown = opening.enter_context(closing(Page.open(page.state, contents)))
     recorder = _recorder(opening, spec, played, first, deck, watch)
     if recorder is not None:

@@ -18,8 +18,8 @@ def baked_file(library: Path, robot: Path) -> Path:
     return cached if shipped or not os.access(library.parent, os.W_OK) else beside
 
 
-def find_baked(spec: RunSpec, library: Path, robot: Path) -> MotionLibrary | None:
-    """The library that is baked for the robot of a run, if there is one that the run can play; says so in a line.
+def find_baked(spec: RunSpec, library: Path, robot: Path) -> tuple[MotionLibrary, Path] | None:
+    """The library that is baked for the robot of a run, and its file, if the run can play it; says so in a line.
 
     It knows no human, so a run that needs one (a free root, another solver, a second robot, collisions, recognition) is
     carried live. So is a library or a robot that has changed since; what to do is said in a line.
@@ -39,7 +39,7 @@ def find_baked(spec: RunSpec, library: Path, robot: Path) -> MotionLibrary | Non
         print(f"{file}: {changed} has changed since it was baked, so it is carried live. {again}", file=sys.stderr)
         return None
     print(f"{baked.info.name} is played as it was baked for {robot.stem} ({file}), without its human", file=sys.stderr)
-    return baked
+    return baked, file
 
 
 def kept_at(library: Path, robot: Path) -> tuple[Path, Path]:

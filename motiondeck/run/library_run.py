@@ -26,9 +26,10 @@ def library_run(spec: RunSpec, program: Program, host: Host = ALONE) -> Iterator
     """An open run of a program in the block; MotiondeckError if it is too fast for the network, or cannot be opened."""
     source, first, rate, spec = program.source, program.first, spec.rate, with_robot(spec, program.source.skeleton)
     files = robot_files(spec) if program.file is not None and spec.robot is not None else None
+    played = program.file
     if isinstance(source, MotionLibrary):
         if program.file is not None and files is not None:
-            source = find_baked(spec, program.file, files[0]) or source
+            source, played = find_baked(spec, program.file, files[0]) or (source, played)
         rate = checked_rate(source, first, spec.rate, lower=spec.lower_rate)
     if rate != spec.rate:
         print(f"playing at {rate:g} Hz, which the network can hold", file=sys.stderr)
@@ -50,5 +51,7 @@ def library_run(spec: RunSpec, program: Program, host: Host = ALONE) -> Iterator
     )
     learned_from = program.file.parent / named[0] if program.file is not None and named else None
     robots = partial(open_robots, spec=spec, source=source, first=learned_from)
-    with open_session(spec, Played(source, robots, deck, program.timeline, program.file, verdicts), host) as session:
+    with open_session(
+        spec, Played(source, robots, deck, program.timeline, program.file, played, verdicts), host
+    ) as session:
         yield session

@@ -86,8 +86,8 @@ class NetworkView:
             return
         self._show_card(self._inside, motion, phase, visible=visible)
         found = self._inside.orbits
-        if found is None or activation is None:
-            return
+        if found is None or activation is None or len(activation) != len(found.centre):
+            return  # of another length it is where the file has been replaced since the deck loaded it
         if not self._lines:
             self._draw(found)
         self._frame.visible = visible

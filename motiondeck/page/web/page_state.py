@@ -55,8 +55,8 @@ class PageDescription(msgspec.Struct, frozen=True, kw_only=True):
     command_port: int = 0
     direct: bool = False  # whether the deck switches and blends without motions in between
     has_phase: bool = False  # whether motions can be played backwards and sent to a phase
-    has_network: bool = False  # whether the network can be looked into
-    library_file: str | None = None
+    network_file: str | None = None  # of the network that plays, if it can be looked into
+    library_file: str | None = None  # of the library that it, or what it was baked from, is of
     verdicts: dict[str, tuple[str, str]] = {}  # by motion, whether the robot plays it: the answer, and with reasons
     learn: list[str] = []  # the command line of the process that learns a recording, if the page offers that
     groups: list[str] = []  # of joints that layers play on

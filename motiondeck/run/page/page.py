@@ -48,7 +48,8 @@ class PageContents:
     human: Skeleton | None  # the skeleton whose motion is shown beside the robot, if that is known
     watch: Watch | None
     command_port: int
-    library: Path | None  # the file of what plays, if it is a library; the view finds the network there
+    library: Path | None  # the file of what plays, if it is a library
+    network: Path | None  # that, or what was baked of it; the view finds the network there
     servos: RigOutput | None
     learns: bool  # whether recordings can be learned on the page, in a process beside it
     verdicts: Mapping[str, RobotVerdict] = field(default_factory=dict[str, RobotVerdict])  # by motion, those kept
@@ -81,6 +82,7 @@ class PageContents:
         rest = robot.model.qpos0.copy()
         robot.layout.place(robot.rest, rest)
         library = str(self.library.resolve()) if self.library is not None else None
+        looks_inside = deck.activation is not None or deck.phase is not None
         standing, refused = on_floor(self.robots[0]) is not None, {*self.robots[0].without_layers}
         groups = [name for name, group in self.robots[0].groups.items() if refused.isdisjoint(group)]
         return PageDescription(
@@ -95,7 +97,7 @@ class PageContents:
             command_port=self.command_port,
             direct=deck.direct,
             has_phase=deck.phase is not None,
-            has_network=library is not None and (deck.activation is not None or deck.phase is not None),
+            network_file=str(self.network.resolve()) if looks_inside and self.network is not None else None,
             library_file=library,
             learn=[sys.executable, "-P", "-m", "motiondeck.run.page.learning"] if self.learns and library else [],
             groups=groups,

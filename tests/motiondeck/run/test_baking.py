@@ -2,18 +2,28 @@
 
 import json
 import shutil
+from pathlib import Path
+from types import SimpleNamespace
 
+import msgspec
 import numpy as np
 import pytest
 
 from baked_jog import baked_jog, human_library
+from benchmarks.simulated_time import VirtualClock
 from controller.deck.deck import Deck
 from controller.deck.joins.deck_motions import read_motions
 from controller.deck.layers import Layers
 from controller.library.motion_library import load_library, save_library
+from controller.wire.telemetry import StateReader
 from motiondeck.cli.main import command_line
+from motiondeck.page.network.network_view import InnerLife
+from motiondeck.page.web.page_state import PageDescription
+from motiondeck.run.assembly import Host
 from motiondeck.run.baked_libraries import baked_file, find_baked
 from motiondeck.run.baking import bake
+from motiondeck.run.library_run import library_run
+from motiondeck.run.spec.program import Program
 from motiondeck.run.spec.run_spec import RunSpec
 from motiondeck_base.errors import FileFormatError, MotiondeckError
 from motiondeck_base.shipped import find_robot
@@ -105,10 +115,23 @@ def kept(tmp_path, monkeypatch):
 
 
 def test_what_is_baked_is_found_and_named_in_a_line(kept, capsys):
-    assert find_baked(RunSpec(), *kept).info.baked.robot == "servo20"
+    library, file = find_baked(RunSpec(), *kept)
+    assert (library.info.baked.robot, file) == ("servo20", baked_file(*kept))
     said = capsys.readouterr().err
     assert said.count("\n") == 1
     assert "played as it was baked for servo20" in said
+
+
+def test_the_page_looks_into_the_network_that_plays(kept, tmp_path):
+    """It compared the neurons of the baked network with those of the human's, and ended."""
+    library, robot = kept
+    spec = RunSpec(library=str(library), robot=str(robot), command_port=0, seconds=0.1)
+    page = SimpleNamespace(state=tmp_path / "state", port=0, process=SimpleNamespace(poll=lambda: None))
+    with library_run(spec, Program.of(spec), Host(page=page, clock=VirtualClock(RATE))):
+        about = msgspec.convert(StateReader(page.state).description, PageDescription)
+    assert (about.library_file, about.network_file) == (str(library), str(baked_file(library, robot)))
+    inside = InnerLife.of(Path(about.network_file))
+    assert [len(inside.orbits.centre)] == about.shapes["activation"]
 
 
 @pytest.mark.parametrize("changed", [0, 1])

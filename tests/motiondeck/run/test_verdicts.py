@@ -154,7 +154,9 @@ def test_the_page_has_the_same_words(judged):
     with ExitStack() as opening:
         robots = open_robots(opening, spec, library)
         deck = Deck(library, robots[0].retarget, "march")
-        contents = PageContents(deck, robots, None, None, 0, None, None, learns=False, verdicts=anew(judged).kept())
+        contents = PageContents(
+            deck, robots, None, None, 0, None, None, None, learns=False, verdicts=anew(judged).kept()
+        )
         about = contents.description([judged.library], None)
     assert {name: words for name, (_, words) in about.verdicts.items()} == WORDS
     assert about.verdicts["march"][0] == "at tempo 0.54"

@@ -56,6 +56,12 @@ def test_the_centers_turn_with_the_motion(library, motion, centers):
     assert inside.centers("none", 0.0) == inside.centers(motion, None) == []
 
 
+def test_a_library_that_has_been_replaced_by_one_with_other_neurons_shows_nothing(page):
+    view = NetworkView(page, PageParts(page), find_library("thesis15"), HEIGHT)
+    look(view, np.zeros(10), "walk", 3.0)
+    assert view.ball is None
+
+
 def test_a_library_that_has_gone_shows_nothing(page, tmp_path):
     view = NetworkView(page, PageParts(page), tmp_path / "none.safetensors", HEIGHT)
     look(view, np.zeros(10), "walk", 0.3)

@@ -24,7 +24,7 @@ def test_a_motion_that_has_begun_is_not_shown_as_the_next_one(tmp_path):
     stage = SimpleNamespace(qpos=np.zeros(7), behind_s=0.0)
     simulation = SimpleNamespace(stage=stage, robot=body, root="gantry")
     robot = SimpleNamespace(simulation=simulation, pushable=None, guard=None, own_joints=())
-    contents = PageContents(deck, [robot], None, None, 0, None, None, learns=False)
+    contents = PageContents(deck, [robot], None, None, 0, None, None, None, learns=False)
     stop, loop, snapshots = StopRequest(), LoopState(np.zeros(1), deck.pose), SnapshotSource(deck)
     deck.enqueue("wave")
     deck.enqueue("march")
