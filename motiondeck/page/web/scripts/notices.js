@@ -10,7 +10,9 @@ motiondeck.part("notices", (element, { alarms: [alarm], more, passing }, send) =
   const words = child(shown, "words", "div", "");
   write(child(words, "title", "b", ""), `${title}${count > 1 ? ` × ${count}` : ""} `);
   write(child(words, "cause", "span", ""), cause);
-  write(child(words, "servos", "small", ""), servos);
+  const names = child(words, "servos", "small", "");
+  write(names, servos);
+  names.title = servos;
   const button = child(shown, "acknowledge", "button", "");
   write(button, more > 0 ? `Acknowledge (${more} more)` : "Acknowledge");
   button.onclick = () => send({ acknowledge: alarm });
