@@ -3,8 +3,9 @@
 from html import escape
 
 from controller.wire.messages.deck_snapshot import DeckSnapshot
+from motiondeck.page.web.state_line import FAULT, GREEN
 
-GOOD, UNSURE, BAD = "#237032", "#5c636a", "#a61e6b"
+GOOD, UNSURE, BAD = GREEN, "#5c636a", FAULT
 SURE = 0.26  # confidence at which the second expert's error is 1.35 times that of the best one
 SHOWN_MISMATCH = 0.25  # s for which another motion must be seen before the page turns red
 _GRID = "display:grid;grid-template-columns:1fr 1.3fr;gap:2px 12px;padding:2px 14px 6px;font-size:13px;line-height:1.35"

@@ -26,10 +26,13 @@ def library_run(spec: RunSpec, program: Program, host: Host = ALONE) -> Iterator
     """An open run of a program in the block; MotiondeckError if it is too fast for the network, or cannot be opened."""
     source, first, rate, spec = program.source, program.first, spec.rate, with_robot(spec, program.source.skeleton)
     files = robot_files(spec) if program.file is not None and spec.robot is not None else None
-    played = program.file
+    played, learned_from = program.file, None
     if isinstance(source, MotionLibrary):
         if program.file is not None and files is not None:
             source, played = find_baked(spec, program.file, files[0]) or (source, played)
+        if program.file is not None:
+            sources = {motion.name: motion.source for motion in source.info.motions}
+            learned_from = program.file.parent / sources[first]
         rate = checked_rate(source, first, spec.rate, lower=spec.lower_rate)
     if rate != spec.rate:
         print(f"playing at {rate:g} Hz, which the network can hold", file=sys.stderr)
@@ -46,12 +49,7 @@ def library_run(spec: RunSpec, program: Program, host: Host = ALONE) -> Iterator
     if program.file is not None and files is not None:
         judged = Judged(program.file, *files, spec.root, spec.balance, spec.walk)
         verdicts = judged.kept() or (replace(judged, rig=None).kept() if judged.rig is not None else {})
-    named = (
-        [one.source for one in source.info.motions if one.name == first] if isinstance(source, MotionLibrary) else []
-    )
-    learned_from = program.file.parent / named[0] if program.file is not None and named else None
     robots = partial(open_robots, spec=spec, source=source, first=learned_from)
-    with open_session(
-        spec, Played(source, robots, deck, program.timeline, program.file, played, verdicts), host
-    ) as session:
+    run = Played(source, robots, deck, program.timeline, program.file, played, verdicts)
+    with open_session(spec, run, host) as session:
         yield session
