@@ -3,7 +3,7 @@
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from test_viewer import PATIENCE, FakeDeck, figure_box, reachable, start
+from test_viewer import PATIENCE, FakeDeck, end, figure_box, reachable, start
 
 from controller.wire.messages.replies import Event
 from motiondeck.page.alarms import NOTICE_SECONDS, Notices
@@ -110,9 +110,5 @@ def test_one_notice_covers_neither_body_nor_stop_and_is_acknowledged_in_all_brow
         for page in pages:
             page.locator(".notice.alarm").wait_for(state="hidden")
     finally:
-        for page in pages:
-            page.close()
-        viewer.kill()
-        viewer.wait()
-        viewer.stdout.close()
+        end(viewer, *pages)
         deck.end()

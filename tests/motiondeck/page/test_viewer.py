@@ -140,6 +140,15 @@ def start(deck, port):
     return subprocess.Popen([sys.executable, "-m", "motiondeck.page.viewer", *arguments], stdout=subprocess.PIPE)
 
 
+def end(viewer, *pages):
+    """Closes the pages in the browser, and ends the view."""
+    for page in pages:
+        page.close()
+    viewer.kill()
+    viewer.wait()
+    viewer.stdout.close()
+
+
 # The figure covers about 0.02 of the scene; a scene without it, nothing.
 IN_VIEW = 0.01
 
@@ -286,10 +295,7 @@ def test_the_page_shows_the_figure_and_its_buttons_command_the_deck(deck, browse
         # Standard output belongs to the deck.
         assert viewer.stdout.read() == b""
     finally:
-        page.close()
-        viewer.kill()
-        viewer.wait()
-        viewer.stdout.close()
+        end(viewer, page)
 
 
 def figure_pixels(page):
@@ -382,11 +388,7 @@ def test_each_browser_looks_back_alone_and_is_called_back_by_what_happens(deck, 
             one.locator(".past-frame").wait_for(state="hidden")
             until(lambda: is_high(one), "the present")
     finally:
-        for page in pages:
-            page.close()
-        viewer.kill()
-        viewer.wait()
-        viewer.stdout.close()
+        end(viewer, *pages)
 
 
 @pytest.mark.thorough
@@ -439,10 +441,7 @@ def test_joints_and_gaze_follow_a_hand_until_it_lets_go(tmp_path, browser):
         assert (values(Gaze)[-1].left, values(Gaze)[-1].up) == pytest.approx((0.5, 0.6), abs=0.05)
         let_go(Gaze)
     finally:
-        page.close()
-        viewer.kill()
-        viewer.wait()
-        viewer.stdout.close()
+        end(viewer, page)
         deck.end()
 
 
