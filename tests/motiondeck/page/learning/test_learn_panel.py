@@ -153,7 +153,7 @@ def test_a_recording_that_is_too_large_is_refused_in_one_line_and_not_written(le
         "long.bvh has 67,108,865 bytes; the page takes at most 67,108,864 bytes. Give it to: motiondeck learn"
     )
     assert not [*(folder / "dropped").glob("long*")]
-    tab.get_by_text("Uploading").wait_for(state="detached")
+    until(lambda: not tab.get_by_text("Uploading").count(), "the end of all notices of uploads")
     assert tab.get_by_role("button", name="Choose a recording").is_enabled()
 
 
