@@ -22,7 +22,7 @@ from motiondeck.libraries import load_library
 ROOT = Path(__file__).parents[1]
 TUTORIALS = ["README", "installation", "first-motion", "first-robot", "first-rig", "from-a-script", "cookbook"]
 TUTORIALS += ["troubleshooting", "peers"]
-LONG_STILL = {"robots", "walking", "networks", "CHANGELOG", "THIRD_PARTY_NOTICES"}
+LONG_STILL = {"CHANGELOG", "THIRD_PARTY_NOTICES"}
 PAGES = [ROOT / name for name in ("README.md", "CONTRIBUTING.md", "THIRD_PARTY_NOTICES.md", "CHANGELOG.md")]
 PAGES += sorted((ROOT / "docs").glob("*.md"))
 FOLDERS = ("motiondeck", "motiondeck_base", "controller", "sim", "hardware", "tests", "benchmarks", "examples", "docs")
