@@ -80,6 +80,21 @@ def test_half_of_the_sentences_have_at_most_15_words(pages):
     assert statistics.median(lengths) <= 15
 
 
+@pytest.mark.parametrize("page", ["networks", "recognition", "evaluation"])
+def test_every_table_of_figures_stands_below_the_command_that_makes_it(page):
+    """Below the table before it, or in its section: a command, or options of the command of the section."""
+    text = (ROOT / "docs" / f"{page}.md").read_text(encoding="utf-8")
+    without = []
+    for section in re.split(r"^(?=#+ )", text, flags=re.M):
+        above = 0
+        for table in re.finditer(r"(?:^\|.*\n)+", section, flags=re.M):
+            told = re.search(r"python\s+-m\s+benchmarks\s+\w+|\bmotiondeck\s+\w+|`--\w", section[above : table.start()])
+            if len(re.findall(r"\d\.\d|\d %", table[0])) >= 3 and not told:
+                without.append(table[0].partition("\n")[0])
+            above = table.end()
+    assert without == []
+
+
 @pytest.mark.parametrize("page", [page for page in PAGES if page.name != "CHANGELOG.md"], ids=lambda page: page.name)
 def test_every_module_that_a_page_names_exists(page):
     """By its path, or the end of it; the change log speaks of files that were."""

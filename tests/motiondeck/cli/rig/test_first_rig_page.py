@@ -166,11 +166,13 @@ def test_a_taught_wave_loops_and_switches_to_a_taught_nod(tmp_path):
 def test_a_written_head_plays_what_was_written_and_its_mirror_image(tmp_path):
     typed = blocks(PAGE)[6:]
     assert [number for number, _ in typed] == [1, 2, 3]
-    shutil.copytree(PAGE.parents[1] / "examples" / "head", tmp_path / "head")
     terminals = {number: Terminal(tmp_path) for number in (1, 2, 3)}
     emulator = terminals[1]
     try:
-        emulator.type(typed[0][1][0])
+        *copied, emulate = typed[0][1]
+        for line in copied:
+            emulator.run(line)
+        emulator.type(emulate)
         emulator.wait_for("commands:")
         emulator.line()
         commands = re.findall(r"^(?:cat .*?^END|.*?)$", "\n".join(typed[1][1]), flags=re.M | re.S)
