@@ -53,6 +53,7 @@ class Bus:
         self.port = port  # carries the bytes
         self.baud = baud  # bits/s, 10 of which carry a byte
         self._byte_time = 10.0 / baud
+        self.busy = 0.0  # s on the wire of what the loop has sent, and of the whole answers to it
         self.families: Mapping[int, Family] = {}  # of servos by ID; an ID that is not in it is of the usual family
         # Whether the adapter returns what is sent, which is then dropped (see `echo`); None until known.
         self.echoes: bool | None = None
@@ -128,7 +129,13 @@ class Bus:
 
         The `entries` are ID and `length` bytes, servo after servo.
         """
-        return self.port.send(self._family(entries[0]).instructions.sync_write(address, length, entries))
+        return self.send(self._family(entries[0]).instructions.sync_write(address, length, entries))
+
+    def send(self, data: bytes, answer: int = 0) -> bool:
+        """Sends frames that are answered by some bytes, and does not wait; False if the port takes no bytes."""
+        if sent := self.port.send(data):
+            self.busy += (len(data) + answer) * self._byte_time
+        return sent
 
     def bulk_read(self, blocks: Blocks, fast: bool = False) -> dict[int, StatusPacket]:
         """Reads (id, address, length) of each servo, all in one reply if `fast`; silent ones are not in the result."""
@@ -174,7 +181,7 @@ class Bus:
         if self._may_be_late:
             self._discard()
         data = before + request.frame
-        if not self.port.send(data):
+        if not self.send(data, request.needed):
             return False
         self._pending, self._may_be_late = request, True
         self._due = self.port.now() + (len(data) + request.needed) * self._byte_time

@@ -12,11 +12,14 @@ from controller.wire.messages.replies import Event
 from motiondeck.page.bodies import Bodies
 from motiondeck.page.body.body_push import BodyPush
 from motiondeck.page.body.live_marks import LiveForces, LiveSteps
+from motiondeck.page.event_looks import LOOKS, ROUTINE
 from motiondeck.page.learning.hand_recorder import HandRecorder
 from motiondeck.page.learning.learn_panel import LearnPanel
 from motiondeck.page.network.network_view import NetworkView
 from motiondeck.page.panel import Panel
-from motiondeck.page.past import CALLS_BACK, Past
+from motiondeck.page.past import Past
+from motiondeck.page.plots.history import History
+from motiondeck.page.plots.plots import Plots
 from motiondeck.page.rig.rig_panel import RigPanel
 from motiondeck.page.rig.servo_look import JointGlow
 from motiondeck.page.rig.servo_tables import query_servos
@@ -59,19 +62,26 @@ class DeckView:
         gui, parts = self._page.gui, self._panel.parts
         rig = about.rig
         self._rig = self._glow = self._hands = None
+        self._past = Past(parts, self._bodies)
+        self._history = History(about, model)
         side = gui.add_panel() if rig is not None or about.learn else None
         if side is not None and rig is not None:
             with side.add_tab("Rig", viser.Icon.ENGINE):
                 look = partial(query_servos, commands, self._panel.refuse)
                 self._rig = RigPanel(self._page, parts, rig, self._panel.ask, look)
             self._glow = JointGlow(self._page, model, [servo.joint for servo in rig.servos], self._scene.height)
+        with (
+            side.add_tab("Plots", viser.Icon.CHART_LINE)
+            if side is not None
+            else gui.add_folder("Plots", expand_by_default=False)
+        ):
+            self._plots = Plots(parts, self._history, self._past.moment)
         if side is not None and about.learn and about.library_file:
             with side.add_tab("Learn", viser.Icon.SCHOOL):
                 ask = self._panel.ask
                 learning = LearnPanel(self._page, parts, about.learn, Path(about.library_file), dropped, ask)
                 if rig is not None:
                     self._hands = HandRecorder(self._page, parts, rig, dropped, ask, self._panel.send, learning.look_at)
-        self._past = Past(parts, self._bodies)
         if side is not None:
             side.dock_left()
             side.set_width(SIDE_WIDTH)
@@ -80,9 +90,11 @@ class DeckView:
     def show(self, latest: Picture, now: float) -> None:
         """Draws a picture at a time, s, and for browsers that look back what was shown then."""
         self._past.timeline.keep(latest, shown_motions(latest.snapshot), now)
+        self._history.keep(latest, now)
         if clients := self._page.get_clients():  # drawing without a browser costs as much
             self._draw(latest, min(now - self._last_picture, LONGEST_STEP))
             self._past.show(clients, self._panel.view(), self._centre, now)
+            self._plots.show(clients, now)
         self._last_picture = now
         servos = latest.servos
         if self._hands is not None and servos is not None:
@@ -126,7 +138,7 @@ class DeckView:
 
     def show_event(self, event: Event) -> None:
         """Shows an event of the deck."""
-        if event.kind in CALLS_BACK:
+        if LOOKS.get(event.kind, ROUTINE).calls_back:
             self._past.call_back()
         self._panel.show_event(event)
         self._past.timeline.mark(event)

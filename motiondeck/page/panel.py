@@ -16,6 +16,7 @@ from controller.wire.messages.deck_snapshot import DeckSnapshot
 from controller.wire.messages.replies import Event, Refused
 from motiondeck.page.alarms import Notices
 from motiondeck.page.bodies import View
+from motiondeck.page.event_looks import LOOKS, ROUTINE
 from motiondeck.page.figures import loop_figures, recognition_text
 from motiondeck.page.ghost import WAYS
 from motiondeck.page.motions.motion_controls import MotionControls
@@ -64,19 +65,6 @@ def view_choices(
 ANSWER_WITHIN = 1.0
 HAND_ON = 1.0  # a hand on a slider keeps it for so long before the deck's own value is shown again, s
 
-# The titles of notices, by the kind of the event.
-_TITLES = {
-    "via": "On the way",
-    "gave up": "Blend given up",
-    "fault": "Fault",
-    "fell": "Fallen",
-    "stands": "Stands again",
-    "push": "Push",
-    "layer": "Layers",
-    "lost": "Contact lost",
-    "replayed": "Command refused",
-}
-_ALARMING = ("fault", "fell", "lost", "replayed")
 PANEL_WIDTH = 332  # pixels
 STEP = 1.0 / 30.0  # s, of a step; a tick alone is hardly to be seen
 STEPS = "The motion goes on for 1/30 s."
@@ -216,8 +204,8 @@ class Panel:
 
     def show_event(self, event: Event) -> None:
         """Shows an event that nothing else on the page shows."""
-        if event.kind in _TITLES:
-            self._notices.add(_TITLES[event.kind], event.text, alarming=event.kind in _ALARMING)
+        if (look := LOOKS.get(event.kind, ROUTINE)).title:
+            self._notices.add(look.title, event.text, alarming=look.alarming)
 
     def refuse(self, reason: str) -> None:
         """Shows why something was not done."""

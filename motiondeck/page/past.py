@@ -12,8 +12,6 @@ from motiondeck.page.timeline import SECONDS, Timeline
 from motiondeck.page.web.page_state import Picture
 from motiondeck.page.web.parts import PageParts, Part
 
-# Events after which every browser sees what happens now; the others are routine.
-CALLS_BACK = {"motion", "gave up", "paused", "resumed", "mode", "fault", "servo", "layer", "push", "fell", "lost"}
 HELD_OFF = 0.5  # s after that in which no browser looks back: a hand that drags still sends something
 NOW_ALONE = ("/glow", "/steps", "/forces", "/network", "/robot target", "/shadow target")  # drawn of the present only
 BODIES = [f"/{look}{whose}" for look in ("robot", "shadow") for whose in ("", " follower", " human")]
@@ -35,6 +33,10 @@ class Past:
         match said:
             case {"back": float(back) | int(back)} if event.client_id is not None:
                 self._asked[event.client_id] = time.monotonic(), back
+
+    def moment(self, client: int) -> float | None:
+        """The time that a browser looks back to, s; None for one that sees what happens now."""
+        return self._moments[client][0] if client in self._moments else None
 
     def call_back(self) -> None:
         """Has every browser see what happens now."""

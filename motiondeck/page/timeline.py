@@ -6,13 +6,12 @@ from itertools import pairwise
 from operator import itemgetter
 
 from controller.wire.messages.replies import Event
+from motiondeck.page.event_looks import LOOKS, ROUTINE
+from motiondeck.page.plots.history import SECONDS
 from motiondeck.page.web.page_state import Picture
 from motiondeck.page.web.parts import Heard, PageParts
 
-SECONDS = 180.0
 PICTURE_EVERY, DRAWN_EVERY = 0.1, 1.0  # s
-BAD = ("fault", "fell", "gave up", "lost", "replayed")
-MARKED = (*BAD, "mode", "paused", "resumed", "servo", "push", "stands")
 
 
 class Timeline:
@@ -42,8 +41,8 @@ class Timeline:
 
     def mark(self, event: Event) -> None:
         """Marks an event that is worth it."""
-        if event.kind in MARKED:
-            self._marks.append((self._now, "bad" if event.kind in BAD else "", f"{event.kind}: {event.text}"))
+        if (mark := LOOKS.get(event.kind, ROUTINE).mark) is not None:
+            self._marks.append((self._now, mark, f"{event.kind}: {event.text}"))
 
     def at(self, back: float) -> tuple[float, Picture]:
         """What was shown some seconds ago, with its time, s; of what is no longer kept, the oldest."""

@@ -145,7 +145,7 @@ class ServoPort:
             self._unproven = False
             return True
         self._last_sent = now
-        return self.bus.port.send(data)
+        return self.bus.send(data)
 
     def _silent(self, missed: NDArray[np.int64]) -> NDArray[np.bool_]:
         """The servos of this port that should answer and do not, shape (S,)."""

@@ -150,6 +150,11 @@ class Rig:
         return ServoStates(self.goals, self.positions, self.currents, self.temperatures, self.voltages, *last)
 
     @property
+    def busy(self) -> float:
+        """For how long the busiest port has been busy with goals and answers since it was opened, s."""
+        return max(port.bus.busy for port in self._all_ports())
+
+    @property
     def incidents(self) -> Sequence[Incident]:
         """The latest incidents, each naming its joint or the port, in order of time."""
         return self.health.incidents

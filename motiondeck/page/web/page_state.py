@@ -83,6 +83,7 @@ class PictureArrays:
     # Points where the floor holds the body, m, and the forces there, N, shape (N, 6); NaN for none.
     contacts: Array | None = None
     activation: Array | None = None  # of the network's neurons, shape (N,)
+    bus: Array | None = None  # for how long the rig's busiest port has been busy so far, shape (1,), s
     servos: Array | None = None  # the rows of `ServoStates`, shape (8, S)
 
     @property

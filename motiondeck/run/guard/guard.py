@@ -120,7 +120,8 @@ class RigGuard:
     def report(self, states: States) -> None:
         """Fills in the state of this tick, but for the servos."""
         wire = self.wired.name if self.wired is not None else ""
-        states.set(self.stop, wire, self._collected, self._rig.recoveries, self._measured_at)
+        rig = self._rig
+        states.set(self.stop, wire, self._collected, rig.recoveries, self._measured_at, rig.busy)
 
     def _make_up(self, lost: int) -> None:
         """Goes on by the ticks that were not run; a joint whose goal stood still for more of them begins at rest."""

@@ -93,6 +93,11 @@ class GuardedRig:
         """How often something was recovered."""
         return self._state.recoveries
 
+    @property
+    def busy(self) -> float:
+        """For how long the busiest port has been busy with goals and answers, s."""
+        return self._state.busy
+
     def watch_stops(self, door: int, wired: str | None) -> None:
         """Has the guard take stops at a stop door and at a wired stop, and waits for that; RigError if one fails."""
         self._link.send(messages.WatchStops(door, wired))

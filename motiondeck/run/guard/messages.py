@@ -21,7 +21,7 @@ from hardware.rig.supervision.health import Incident
 T = TypeVar("T")
 PHASES: tuple[Phase, ...] = get_args(Phase)
 SERVO_ROWS = 8  # of `ServoStates`
-_STATE_NUMBERS = 7
+_STATE_NUMBERS = 8
 
 
 class Begin(msgspec.Struct, frozen=True, tag="begin"):
@@ -149,18 +149,21 @@ class States:
     collected = _Number(4, int)  # how often the rig has measured something new
     recoveries = _Number(5, int)  # how often something was recovered
     measured_at = _Number(6, float)  # when the latest was measured, by the machine's steady clock, s
+    busy = _Number(7, float)  # for how long the busiest port has been busy, s
 
     def __init__(self, joints: int) -> None:
-        self.values = np.zeros(_STATE_NUMBERS + SERVO_ROWS * joints)  # shape (7 + 8 J,)
+        self.values = np.zeros(_STATE_NUMBERS + SERVO_ROWS * joints)  # shape (8 + 8 J,)
         self.values[0] = PHASES.index("held")
         # The rows of `ServoStates`, shape (8, J).
         self.servos = self.values[_STATE_NUMBERS:].reshape(SERVO_ROWS, joints)
 
-    def set(self, state: StopState, wire: str, collected: int, recoveries: int, measured_at: float) -> None:
+    def set(
+        self, state: StopState, wire: str, collected: int, recoveries: int, measured_at: float, busy: float
+    ) -> None:
         """Sets all but the servos; `wire` names the wired stop."""
         door, wired = state.presses.get(STOP_DOOR, 0), state.presses.get(wire, 0)
         phase = PHASES.index(state.phase)
-        numbers = phase, door, wired, wire in state.pulled, collected, recoveries, measured_at
+        numbers = phase, door, wired, wire in state.pulled, collected, recoveries, measured_at, busy
         self.values[:_STATE_NUMBERS] = numbers
 
     @property

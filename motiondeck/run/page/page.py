@@ -69,6 +69,7 @@ class PageContents:
             target=np.zeros(size) if hasattr(first.stage, "wanted") else None,  # the goals of its servos
             contacts=np.zeros((MOST_FORCES, 6)) if floor is not None else None,
             activation=np.zeros(len(activation)) if activation is not None else None,
+            bus=np.zeros(1) if self.servos is not None else None,
             servos=np.zeros((SERVO_ROWS, len(self.servos.rig.names))) if self.servos is not None else None,
         )
 
@@ -117,7 +118,6 @@ if TYPE_CHECKING:
     from motiondeck.page.clip_page import Act
 
 SERVOS_EVERY = 5  # pictures
-_POSITIONS = 1  # row of `ServoStates`
 
 
 class Page:
@@ -172,10 +172,13 @@ class Page:
             self._on_floor.contact_forces(arrays.contacts)
         self._pictures += 1
         if arrays.servos is not None and self._servos is not None:
-            arrays.servos[_POSITIONS] = self._servos.rig.positions
+            rig = self._servos.rig
+            arrays.servos[0], arrays.servos[1] = rig.states.goals, rig.positions
             if self._pictures % SERVOS_EVERY == 1:
-                for row, values in zip(arrays.servos, self._servos.rig.states, strict=True):
+                for row, values in zip(arrays.servos, rig.states, strict=True):
                     row[:] = values
+            if arrays.bus is not None:
+                arrays.bus[0] = rig.busy
         self._writer.publish()
 
     def end(self, reason: str) -> None:

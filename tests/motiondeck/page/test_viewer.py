@@ -69,6 +69,7 @@ class FakeDeck:
         self.server = CommandServer(0)
         self.received, self.subscribers, self.news = [], [], []
         self.stride = 0.0  # m a tick
+        self.pose = lambda tick, qpos: None  # changes qpos before each tick
         self.lift = 0.0  # m, of the root above where it stands
         self._qpos = model.qpos0.copy()
         self._over = threading.Event()
@@ -81,8 +82,11 @@ class FakeDeck:
         while not self._over.wait(0.1):
             tick += 1
             self._qpos[0] += self.stride
+            self.pose(tick, self._qpos)
             snapshot = DeckSnapshot(
                 tick=tick,
+                run_s=0.1 * tick,
+                late_us=float(tick % 7),
                 motion=MOTIONS[motion],
                 playing=MOTIONS[motion],
                 mode=mode,

@@ -388,6 +388,19 @@ def test_a_full_port_is_counted(rig, port):
     assert np.allclose(rig.positions, 0.0, atol=2e-3)
 
 
+def test_a_port_is_busy_with_the_bytes_that_go_over_it(rig, port):
+    """Counted beside the bus, where they are carried; 10 bits a byte."""
+    play(rig, port, [0.0] * 4, 3)
+    rig.collect_state()
+    carried, send, receive, before = [], port.send, port.receive, rig.busy
+    port.send = lambda data: (carried.append(len(data)), send(data))[1]
+    port.receive = lambda likely=False: (carried.append(len(data := receive(likely))), data)[1]
+    play(rig, port, [0.2, 0.1, 0.0, -0.1], 30)
+    rig.collect_state()
+    assert len(carried) >= 60
+    assert rig.busy - before == pytest.approx(10.0 * sum(carried) / 1_000_000)
+
+
 def test_calls_are_timed(rig, port):
     assert len(rig.write_us.microseconds) == 0
     play(rig, port, [0.0] * 4, 3)

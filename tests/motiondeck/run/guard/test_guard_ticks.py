@@ -24,7 +24,7 @@ class FakeRig:
 
     def __init__(self):
         self.goals = np.zeros(JOINTS)
-        self.recoveries = 0
+        self.recoveries, self.busy = 0, 0.0
         self.sent = []
         self.broken = False
 
@@ -506,9 +506,9 @@ def test_the_state_that_the_deck_gets(bench):
     bench.guard.press(2)
     for _ in range(100):
         bench.deck_tick()
-    bench.rig.recoveries = 4
+    bench.rig.recoveries, bench.rig.busy = 4, 1.5
     bench.guard.report(states)
     assert (states.phase, states.presses, states.pulled) == ("latched", (2, 3), True)
-    assert (states.recoveries, states.collected) == (4, len(bench.rig.sent))
+    assert (states.recoveries, states.collected, states.busy) == (4, len(bench.rig.sent), 1.5)
     # What was collected in the last tick was measured in the one before.
     assert states.measured_at == pytest.approx(bench.now - T, abs=0.5 * T)

@@ -51,7 +51,7 @@ class Joint:
 
 
 class Rig:
-    goals, recoveries = np.zeros(1), 0
+    goals, recoveries, busy = np.zeros(1), 0, 0.0
 
     def collect_state(self):
         return False

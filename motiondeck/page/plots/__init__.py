@@ -1,0 +1,1 @@
+"""Curves of a run over time: joints, servos, loop, bus and neurons, as each browser chooses them."""
