@@ -183,8 +183,7 @@ class Performance:
 
     def _keep_within(self, limits: JoinLimits, dt: float, tempo: float) -> None:
         tracks = self.tracks
-        # Played faster, the motions themselves go beyond what they need at their own tempo.
-        use = limits.use(self._next, dt) / max(1.0, abs(tempo))
+        use = limits.use(self._next, dt, tempo)
         if tracks.crossing:
             wanted = 1.0 - (use - EASED_FROM) / (EASED_TO - EASED_FROM)
             self._weight_pace += (min(max(wanted, SLOWEST), 1.0) - self._weight_pace) * min(1.0, dt / EASING_SECONDS)
@@ -267,7 +266,7 @@ class Performance:
             partial(difference, shown, target, self._dt, self.tracks.rest_direction),
             track.ahead(self._tempo, onset),
             self._skeleton.chain,
-            Bounds.of(motions, FASTEST, 1.0),
+            Bounds.of(motions, FASTEST, 1.0).at(self._tempo),
         )
         self._fade = Fading(self._search, onset)
 

@@ -404,7 +404,8 @@ static void begin_fade(md_player *p, float onset, float speed, float acceleratio
   p->fading = 1, p->found = p->has_gap = p->trials = p->slowed = p->rises = p->moment = 0;
   p->elapsed = p->gap_elapsed = p->already = 0.0f;
   p->least = p->last = FARTHEST, p->onset = onset;
-  p->bound_speed = FASTEST * speed, p->bound_acceleration = acceleration;
+  float faster = most(1.0f, fabsf(p->tempo));
+  p->bound_speed = faster * FASTEST * speed, p->bound_acceleration = faster * faster * acceleration;
   p->course_at = t->at, p->course_tempo = p->tempo;
 }
 
@@ -436,8 +437,9 @@ static float use_of_limits(const md_player *p) {
     along = sine(now) - sine(then), across = versine(now) + versine(then);
     hardest = most(hardest, along * along + across * across);
   }
-  return most(chord_speed(LEVER * fastest, p->dt) / p->join_speed,
-              LEVER * sqrtf(hardest) / (p->join_acceleration * p->dt * p->dt));
+  float faster = most(1.0f, fabsf(p->tempo));
+  return most(chord_speed(LEVER * fastest, p->dt) / (faster * p->join_speed),
+              LEVER * sqrtf(hardest) / (faster * faster * p->join_acceleration * p->dt * p->dt));
 }
 
 static void fade_to(md_player *p, const md_motion *one, const md_motion *other) {
@@ -484,7 +486,7 @@ static int perform(md_player *p) {
     }
   }
   if (p->limited) {
-    float use = use_of_limits(p) / most(1.0f, fabsf(p->tempo));
+    float use = use_of_limits(p);
     if (use > p->correct_from && !(p->fading && !p->found)) {
       float onset = onset_of(p);
       p->correct_from = use + CORRECTED_AGAIN;

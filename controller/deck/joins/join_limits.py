@@ -31,6 +31,11 @@ class Bounds:
             faster * max(motion.speed for motion in motions), harder * max(motion.acceleration for motion in motions)
         )
 
+    def at(self, tempo: float) -> Bounds:
+        """Those at a tempo: faster than as recorded, the motions need more themselves."""
+        faster = max(1.0, abs(tempo))
+        return Bounds(faster * self.speed, faster**2 * self.acceleration)
+
 
 class JoinLimits:
     """Watches the joints in the world while motions are joined, from the last two poses that were shown."""
@@ -45,9 +50,9 @@ class JoinLimits:
         """Sets the limits to those of a join of these motions; the motions of the join that it interrupts count too."""
         self._bounds, self._motions = Bounds.of((*self._motions, *motions), FASTEST, HARDEST), motions
 
-    def use(self, pose: Pose, dt: float) -> float:
-        """The use of the limits if this pose comes dt seconds after the last; 1 is the limit."""
-        shown, bounds, ticks = self._shown, self._bounds, ceil(PEAKS_OVER / dt - 1e-6)
+    def use(self, pose: Pose, dt: float, tempo: float = 1.0) -> float:
+        """The use of the limits at a tempo if this pose comes dt seconds after the last; 1 is the limit."""
+        shown, bounds, ticks = self._shown, self._bounds.at(tempo), ceil(PEAKS_OVER / dt - 1e-6)
         while len(shown) > 2 * ticks:
             shown.popleft()
         while 2 <= len(shown) < 2 * ticks:

@@ -88,7 +88,7 @@ class FramePlayer:
         """Advances by dt s; the channels, overwritten by the next step. MotiondeckError if it cannot go back."""
         if dt < 0.0 or not self._forwards:
             self.require_phase()
-            if dt and (dt > 0.0) is not self._forwards:
+            if dt and (dt > 0.0) != self._forwards:
                 self._turn_round()
         self._fraction += abs(dt) * self.rate * self.pace
         while self._fraction >= 1.0:

@@ -127,6 +127,29 @@ def test_a_jump_arrives_without_a_step(library, own_peaks, motion, tempo):
         assert deck.settled
 
 
+def test_jumps_that_interrupt_each_other_at_a_fast_tempo_swing_no_body_out(library):
+    """Under the limits of the recorded tempo no fade passed: it took 1.6 s, and the body swung out by 1.5 m."""
+
+    def shapes(places):
+        return places - places[:, :1]
+
+    alone = {motion: shapes(played(library, new_deck(library, motion), 1.5)) for motion in ("march", "wave")}
+    for seed in (1, 8, 14):
+        rng = np.random.default_rng(seed)
+        motion, tempo = str(rng.choice([*alone])), rng.choice([-1.0, 1.0]) * rng.uniform(1.3, 3.0)
+        deck = new_deck(library, motion)
+        deck.set_tempo(tempo)
+        played(library, deck, 1.4)
+        for _ in range(2):
+            deck.jump(rng.uniform())
+            deck.set_tempo(rng.uniform(0.5, 1.0) * tempo)
+            played(library, deck, rng.uniform(0.05, 0.25))
+        off = np.linalg.norm(shapes(played(library, deck, 0.9))[:, None] - alone[motion], axis=-1).max(-1).min(-1)
+        reach = np.linalg.norm(alone[motion][::5, None] - alone[motion], axis=-1).max()
+        assert off.max() < 0.5 * reach, (seed, motion, tempo)
+        assert off[-1] < 0.04, (seed, motion, tempo)
+
+
 def test_a_jump_leaves_a_switch_that_waits_alone(library):
     deck = new_deck(library, "bow")
     played(library, deck, 0.2)
