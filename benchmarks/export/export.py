@@ -20,11 +20,25 @@ import typer
 from benchmarks.command import run
 from benchmarks.export._c_player import SANITIZED, CPlayer, beyond_limits, deck_plays, random_script, wide
 from controller.motion.rotations import Array
+from motiondeck import learn
 from motiondeck.export.figure import Figure
 from motiondeck.export.golden import Trace
 from motiondeck.export.source import open_figure
 
 SAME = 1e-3
+EXAMPLES = Path(__file__).parents[2] / "examples"
+
+
+def figure_of(name: str) -> Figure:
+    """A baked library on a robot, as thesis15:servo20, or all motions of an example on its rig, as head."""
+    library, _, robot = name.partition(":")
+    if robot:
+        return open_figure(library, robot, None)
+    folder, rig = EXAMPLES / name, EXAMPLES / name / f"{name}.toml"
+    with tempfile.TemporaryDirectory() as place:
+        learned = learn([file for file in sorted(folder.glob("*.toml")) if file != rig], name=name)
+        learned.save(file := Path(place) / f"{name}.safetensors")
+        return open_figure(str(file), None, str(rig))
 
 
 def measured(figure: Figure, rng: Random) -> Array:
@@ -70,7 +84,9 @@ def within_limits(
 
 
 def main(
-    libraries: Annotated[list[str] | None, typer.Argument(help="Libraries and robots, as thesis15:servo20.")] = None,
+    libraries: Annotated[
+        list[str] | None, typer.Argument(help="Libraries and robots, as thesis15:servo20, or examples, as head.")
+    ] = None,
     sequences: Annotated[int, typer.Option(help="Of each library.")] = 300,
     seconds: Annotated[float, typer.Option(help="Of each sequence.")] = 6.0,
     first: Annotated[int, typer.Option(help="The seed of the first one.")] = 0,
@@ -81,9 +97,8 @@ def main(
     """Plays random commands on the deck and on the C player."""
     with tempfile.TemporaryDirectory() as folder:
         player = CPlayer(Path(folder), ("-DMD_MOST_LAYERS=16", *(SANITIZED if sanitized else ())))
-        for name in libraries or ["thesis15:servo20", "cmu86:servo20"]:
-            library, _, robot = name.partition(":")
-            figure = open_figure(library, robot, None)
+        for name in libraries or ["thesis15:servo20", "cmu86:servo20", "head", "arm", "hexapod"]:
+            figure = figure_of(name)
             ticks = round(seconds * figure.rate)
             found, off = parted(wide(figure), player, range(first, first + sequences), ticks, layered=layered)
             print(f"{name}: {sequences} sequences, {len(found)} part by {1e3 * SAME:g} mrad {found[:8]}")

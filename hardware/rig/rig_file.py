@@ -52,6 +52,7 @@ class RigConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     follow: FollowConfig = FollowConfig()  # how joints follow their targets
     groups: dict[str, tuple[str, ...]] = {}  # joints that layers play on, by the name of their group
     gaze: GazeConfig = GazeConfig()  # how joints look somewhere
+    board: str = ""  # the serial port of a board with the exported sketch, if that plays the servos
     model: str = ""  # an MJCF or URDF file with these joints, relative to this file's folder, to show the rig
 
     def __post_init__(self) -> None:

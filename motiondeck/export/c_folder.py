@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from hardware.rig.rig_file import RigConfig
+from hardware.rig.supervision.board_rig import identity
 from motiondeck.export.figure import Figure
 from motiondeck.export.golden import EVERY, LASTS, deck_trace, golden_script, spelled
 from motiondeck_base.errors import FileFormatError, MotiondeckError
@@ -37,8 +38,9 @@ def write_arduino(figure: Figure, rig: RigConfig, folder: Path) -> None:
     tables = {tuple(one.table.registers.get(name) for name in REGISTERS.values()) for _, _, one in servos}
     if len(tables) > 1 or None in (registers := tables.pop()):
         raise MotiondeckError("the sketch drives Dynamixel servos with a bus watchdog, whose registers are alike")
-    defined = {name: register.address for name, register in zip(REGISTERS, registers, strict=True) if register}
+    defined: dict[str, object] = {name: row.address for name, row in zip(REGISTERS, registers, strict=True) if row}
     defined |= {"SERVOS": len(servos), "SERVO_BAUD": rig.baud, "SERVO_WATCHDOG": -(-rig.watchdog_ms // 20)}
+    defined["RIG"] = f'"{identity(rig)}"'
     lines = [*(f"#define {name} {value}" for name, value in defined.items()), "static const md_servo servos[] = {"]
     for joint, second, one in servos:
         scale = f"{one.zero}, {one.pulses_per_radian:.5f}f"

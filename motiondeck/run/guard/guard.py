@@ -23,6 +23,7 @@ from motiondeck.run.guard.messages import States, Targets
 from motiondeck_base.errors import MotiondeckError
 
 if TYPE_CHECKING:
+    from hardware.rig.supervision.board_rig import BoardRig
     from hardware.rig.supervision.rig import Rig
 
 Array = NDArray[np.float64]
@@ -40,7 +41,9 @@ DECK = "the deck"
 class RigGuard:
     """The joints of a rig between a deck and the bus, tick by tick."""
 
-    def __init__(self, rig: "Rig", envelope: SafetyEnvelope, targets: Targets, period: float, now: float) -> None:
+    def __init__(
+        self, rig: "Rig | BoardRig", envelope: SafetyEnvelope, targets: Targets, period: float, now: float
+    ) -> None:
         """Holds the joints where the rig holds them; ticks are a period, s, apart, by the machine's steady clock, s."""
         self.stop = StopState("held")  # the state of the emergency stop
         self.wired: WiredStop | None = None  # the wired stop, if there is one

@@ -24,9 +24,11 @@ from controller.loop.permissions import request_realtime
 from controller.loop.safety.compiled_envelope import safety_envelope
 from controller.wire.messages.replies import OnPorts, Refused, Registers, ServoOnPort, ServoRegister
 from controller.wire.stop_door import StopDoor
+from hardware.bus.port import SerialPort, lasting_name
 from hardware.families.table import meaning
 from hardware.rig.driving.register_reading import WRITABLE, RegisterReading, shown_registers
 from hardware.rig.rig_joint import RigJoint
+from hardware.rig.supervision.board_rig import BAUD, BoardRig
 from hardware.rig.supervision.health import Incident
 from hardware.rig.supervision.rig import Rig
 from hardware.rig.switching.identities import PortScan
@@ -41,7 +43,7 @@ _REST_WITHIN = 5.0  # s
 class GuardService:
     """Runs a guard between its sockets and its rig."""
 
-    def __init__(self, opening: ExitStack, link: GuardLink[Request], begin: Begin, rig: Rig) -> None:
+    def __init__(self, opening: ExitStack, link: GuardLink[Request], begin: Begin, rig: Rig | BoardRig) -> None:
         """Guards a rig from now on; `opening` closes what is opened later."""
         config = begin.config
         limits = JointLimits(**{kind: np.array(values) for kind, values in begin.limits.items()})
@@ -52,6 +54,8 @@ class GuardService:
         period = 1.0 / config.rate_hz
         envelope = safety_envelope(limits, period)
         self.guard = RigGuard(rig, envelope, self._targets, period, time.monotonic())
+        if isinstance(rig, BoardRig):
+            rig.is_stopped = lambda: self.guard.stop.stopped
         self._readings: list[tuple[int, RegisterReading]] = []
         self._scans: list[tuple[int, PortScan]] = []
         self._incidents: Incident | None = None
@@ -169,7 +173,10 @@ def guard(link: GuardLink[Request], begin: Begin) -> None:
             from hardware.emulator.process import start_emulator
 
             ports = opening.enter_context(start_emulator(begin.emulated)).ports
-        rig = Rig.connect(begin.config, ports, spare=1.0, emulated=begin.emulated is not None)
+        if begin.config.board and begin.emulated is None:
+            rig = BoardRig(begin.config, SerialPort(lasting_name(begin.config.board), BAUD))
+        else:
+            rig = Rig.connect(begin.config, ports, spare=1.0, emulated=begin.emulated is not None)
         running: GuardService | None = None
         try:
             # Emulated servos are an ordinary process, which a guard in real time would hold up.

@@ -43,7 +43,7 @@ def test_an_angle_becomes_pulses(written):
     [
         (
             ("rate_hz", "rate"),
-            "unknown key 'rate'. Did you mean 'rate_hz'? Allowed are: baud, follow, gaze, groups, joints",
+            "unknown key 'rate'. Did you mean 'rate_hz'? Allowed are: baud, board, follow, gaze, groups, joints",
         ),
         (("zero", "zer0"), "unknown key 'zer0' in [joints.1]. Did you mean 'zero'? Allowed are: acceleration, "),
         (('"/dev/ttyUSB0"', "5"), "expected text, not a whole number in [port]"),

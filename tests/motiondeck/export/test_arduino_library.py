@@ -7,44 +7,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.export._c_player import wide
+import arduino_boards
 from command_line import motiondeck
 from controller.wire.messages.commands import EmergencyStop, Jump, Pause, Queue, Reset, Resume, SetTempo, Switch
 from hardware.rig.rig_file import load_rig
-from joint_libraries import joint_library
 from motiondeck.export.c_folder import write_arduino
-from motiondeck.export.figure import figure_of
 from motiondeck.export.golden import deck_trace
-from motiondeck.run.robots.rig_on_deck import robot_of
 from motiondeck_base.errors import MotiondeckError
 
 pytestmark = pytest.mark.skipif(shutil.which("c++") is None, reason="no C++ compiler")
 
-STUB = Path(__file__).with_name("arduino_stub")
-RIG = """
-port = "/dev/ttyUSB0"
-baud = 1_000_000
-rate_hz = 100
-[[joints]]
-name = "joint0"
-id = 1
-direction = 1
-zero = 2048
-
-[[joints]]
-name = "joint1"
-id = 2
-direction = -1
-zero = 2000
-second = { id = 7, direction = 1, zero = 2100 }
-
-[[joints]]
-name = "joint2"
-id = 4
-direction = 1
-zero = 2048
-"""
-ALIKE = 'model = "XM430-W350"\nlower = -3.0\nupper = 3.0\nvelocity = 4.7\n'
 SCRIPT = {
     30: ("switch loop1", Switch("loop1")),
     80: ("loop2 direct", Switch("loop2", direct=True)),
@@ -63,37 +35,18 @@ TICKS = 1000
 
 @pytest.fixture(scope="module")
 def rig(tmp_path_factory):
-    file = tmp_path_factory.mktemp("rig") / "rig.toml"
-    file.write_text(RIG.replace("[[joints]]\n", f"[[joints]]\n{ALIKE}"))
-    return file
+    return arduino_boards.written(tmp_path_factory.mktemp("rig"))
 
 
 @pytest.fixture(scope="module")
 def exported(rig, tmp_path_factory):
-    library, folder = joint_library(3), tmp_path_factory.mktemp("library")
-    body = robot_of(rig, library.skeleton)
-    figure = wide(figure_of(library, body.joints, body.limits, body.rest, 100.0))
-    write_arduino(figure, load_rig(rig), folder)
-    return figure, folder
+    folder = tmp_path_factory.mktemp("library")
+    return arduino_boards.exported(rig, folder), folder
 
 
 def lines_of(folder, sketch, tmp_path, script, ticks):
     """What a board with a sketch writes that gets (tick, text)."""
-    strict = ["-Wall", "-Wextra", "-Werror", "-O1", f"-I{folder / 'src'}"]
-    for source in ("motiondeck", "commands"):
-        compiled = ["cc", "-std=gnu11", *strict, "-c", folder / f"src/{source}.c", "-o", tmp_path / f"{source}.o"]
-        subprocess.run(compiled, check=True)
-    board, objects = tmp_path / "board", [tmp_path / "motiondeck.o", tmp_path / "commands.o"]
-    written = [
-        "-x",
-        "c++",
-        "-include",
-        STUB / "Arduino.h",
-        folder / f"examples/{sketch}/{sketch}.ino",
-        STUB / "board.cpp",
-    ]
-    command = ["c++", "-std=gnu++17", *strict, f"-I{STUB}", *written, "-x", "none", *objects, "-o", board, "-lm"]
-    subprocess.run(command, check=True)
+    board = arduino_boards.compiled(folder, sketch, tmp_path)
     sent = "".join(f"{tick} {text}\n" for tick, text in script)
     return subprocess.run(
         [board, str(ticks)], input=sent, capture_output=True, text=True, check=True

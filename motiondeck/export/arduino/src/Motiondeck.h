@@ -6,6 +6,7 @@
 
 #include "commands.h"
 #include "figure.h"
+#include "goals.h"
 /* A servo: the joint that it turns, whether it is the second one of that joint, its operating mode, its position where
    the joint is at 0, and pulses for a radian. */
 typedef struct {
@@ -15,15 +16,31 @@ typedef struct {
 } md_servo;
 #include "servos.h"
 
-/* Carries out the commands that have come over USB, and answers each with a line. */
-static inline void md_take_commands(md_player *player, md_line *line) {
+#define MD_BAUD 1000000 /* of the line to the computer; USB of its own has no baud rate */
+
+/* Takes the goals and commands that have come over USB; a command is answered with a line. Ticks come to lie half a tick after
+   the goals, so that none is late. */
+static inline void md_take_lines(md_player *player, md_goals *goals, md_line *line, uint32_t *due) {
   char reply[128];
   while (Serial.available() > 0) {
-    const char *command = md_letter(line, (char)Serial.read());
-    if (!command) continue;
-    md_command(player, command, reply, sizeof reply);
-    Serial.println(reply);
+    const char *text = md_letter(line, (char)Serial.read());
+    if (!text) continue;
+    if (text[0] == '>') {
+      if (md_take_goals(player, goals, text)) *due += ((int32_t)(5e5f / md_rate(figure)) - (int32_t)(*due - micros())) / 16;
+      continue;
+    }
+    int refused = md_command_among(player, goals, text, reply, sizeof reply);
+    Serial.print(reply);
+    Serial.println(!refused && !strncmp(text, "goals", 5) ? " " RIG : "");
   }
+}
+
+/* Answers a computer whose goals are taken: where the joints are, rad, NaN where that is unknown, and an alert of each. */
+static inline void md_tell(md_player *player, md_goals *goals, const float *angles, const uint8_t *alerts) {
+  char text[MD_LINE];
+  if (!goals->asked) return;
+  md_answer(player, goals, angles, alerts, text);
+  Serial.println(text);
 }
 
 /* Whether the tick that is due at a time, us, has come; the next one is then due. Late ticks are not caught up with. */

@@ -103,6 +103,7 @@ int md_command(md_player *p, const char *line, char *reply, int size) {
 
 const char *md_letter(md_line *line, char letter) {
   if (letter == '\r') return NULL;
+  if (letter == '>') line->length = line->lost = 0;
   if (letter == '\n') {
     int whole = !line->lost && line->length;
     line->text[line->length] = 0;

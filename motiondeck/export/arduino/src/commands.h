@@ -12,9 +12,10 @@ extern "C" {
    returns 0, or a negative MD_E... */
 int md_command(md_player *p, const char *line, char *reply, int size);
 
-/* Collects a line from its letters; returns it once it has ended, or NULL. What is longer than a line is lost. */
+/* Collects a line from its letters; returns it once it has ended, or NULL. What is longer than a line is lost, and what comes
+   before a > in it (see goals.h). */
 typedef struct {
-  char text[64];
+  char text[4 * MD_MOST_JOINTS + 64];
   int length, lost;
 } md_line;
 const char *md_letter(md_line *line, char letter);

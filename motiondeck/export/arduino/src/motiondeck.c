@@ -3,3 +3,4 @@
 #pragma GCC optimize("fp-contract=off")
 #endif
 #include "player.inc"
+#include "goals.inc"

@@ -1,4 +1,5 @@
-// A stub of an Arduino board for tests, no board: time stands still but for the loop, and the USB line is a script.
+// A stub of an Arduino board for tests, no board: time stands still but for the loop, and the USB line is a script, or a
+// pseudo-terminal.
 #pragma once
 #include <math.h>
 #include <stdint.h>
@@ -8,8 +9,10 @@
 
 #include <string>
 
-extern uint32_t stub_now;    // us
-extern std::string stub_line; // what has been sent to the board by now
+extern uint32_t stub_now;      // us
+extern std::string stub_line;  // what has been sent to the board by now
+extern FILE *stub_usb;         // where it writes
+extern char stub_harm[256];    // of each servo: 's' does not answer, 'a' reports an error
 inline uint32_t micros() { return stub_now; }
 inline void delay(uint32_t) {
   printf("WRONG: it waits\n");
@@ -24,10 +27,10 @@ struct HardwareSerial {
     stub_line.erase(0, 1);
     return letter;
   }
-  void print(const char *text) { fputs(text, stdout); }
-  void print(char letter) { putchar(letter); }
-  void print(long number) { printf("%ld", number); }
-  void println(const char *text = "") { puts(text); }
-  void println(int number) { printf("%d\n", number); }
+  void print(const char *text) { fputs(text, stub_usb); }
+  void print(char letter) { putc(letter, stub_usb); }
+  void print(long number) { fprintf(stub_usb, "%ld", number); }
+  void println(const char *text = "") { fprintf(stub_usb, "%s\n", text); }
+  void println(int number) { fprintf(stub_usb, "%d\n", number); }
 };
 extern HardwareSerial Serial, Serial1;
