@@ -1,4 +1,7 @@
-"""The recorder: a process that copies every tick from shared memory into a file, so that no disk can delay the loop."""
+"""The recorder: a process that copies every tick from shared memory, and events from a pipe, into a file.
+
+So no disk can delay the loop.
+"""
 
 import contextlib
 import os
@@ -14,8 +17,10 @@ from motiondeck_base.errors import MotiondeckError
 CHUNK_SECONDS = 0.25
 
 
-def record(state: Path, out: Path) -> int:
+def record(state: Path, out: Path, events: int | None = None) -> int:
     """Records until the deck ends or its process is gone, including what is still in shared memory then.
+
+    Events come as lines of JSON from an open file, if one is given.
 
     Returns how many ticks are missing, because this process was held up for longer than the shared memory keeps them.
     FileFormatError if there is no such deck, or the file cannot be written.
@@ -30,9 +35,20 @@ def record(state: Path, out: Path) -> int:
         number, rows = reader.since(before)
         if len(rows):
             writer.append(rows)
+        if events is not None and (lines := _lines(events)):
+            writer.append_events(lines)
         lost += number - before - len(rows)
     writer.close()
     return lost
+
+
+def _lines(file: int) -> bytes:
+    """What has come so far, without waiting: each is written in one piece."""
+    come = b""
+    with contextlib.suppress(BlockingIOError):
+        while part := os.read(file, 1 << 16):
+            come += part
+    return come
 
 
 def reason_file(state: Path) -> Path:
@@ -40,13 +56,13 @@ def reason_file(state: Path) -> Path:
     return state.with_name("recorder-ended")
 
 
-def main(state: str, out: str) -> int:
-    """The command line of the recorder: the deck's shared state file, and the recording; returns its exit code."""
+def main(state: str, out: str, events: str = "") -> int:
+    """The command line of the recorder: shared state, recording, the file number of events; returns its exit code."""
     for number in (signal.SIGINT, signal.SIGTERM):  # they end the deck; its last ticks are recorded too
         signal.signal(number, signal.SIG_IGN)
     os.nice(5)
     try:
-        lost = record(Path(state), Path(out))
+        lost = record(Path(state), Path(out), int(events) if events else None)
     except MotiondeckError as error:
         print(f"motiondeck: the recording has ended: {error}", file=sys.stderr)
         with contextlib.suppress(OSError):

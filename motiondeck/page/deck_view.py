@@ -12,6 +12,7 @@ from controller.wire.messages.replies import Event
 from motiondeck.page.bodies import Bodies
 from motiondeck.page.body.body_push import BodyPush
 from motiondeck.page.body.live_marks import LiveForces, LiveSteps
+from motiondeck.page.event_log import EventLog
 from motiondeck.page.event_looks import LOOKS, ROUTINE
 from motiondeck.page.learning.hand_recorder import HandRecorder
 from motiondeck.page.learning.learn_panel import LearnPanel
@@ -55,7 +56,7 @@ class DeckView:
             BodyPush(self._scene.robot, height, about.push_ns, self._panel.send)
         self._add_side(model, about, commands, dropped)
         self._camera, self._centre = Follower(), np.zeros(2)
-        self._last_picture = self._last_health = 0.0
+        self._last_picture = self._last_health = self._run_s = 0.0
 
     def _add_side(self, model: mujoco.MjModel, about: PageDescription, commands: CommandClient, dropped: Path) -> None:
         """Puts the servos and the learning of new motions on the left, and the last minutes below."""
@@ -70,12 +71,11 @@ class DeckView:
                 look = partial(query_servos, commands, self._panel.refuse)
                 self._rig = RigPanel(self._page, parts, rig, self._panel.ask, look)
             self._glow = JointGlow(self._page, model, [servo.joint for servo in rig.servos], self._scene.height)
-        with (
-            side.add_tab("Plots", viser.Icon.CHART_LINE)
-            if side is not None
-            else gui.add_folder("Plots", expand_by_default=False)
-        ):
+        tab = partial(gui.add_folder, expand_by_default=False) if side is None else side.add_tab
+        with tab("Plots"):
             self._plots = Plots(parts, self._history, self._past.moment)
+        with tab("Log"):
+            self._log = EventLog(parts, self._past.look)
         if side is not None and about.learn and about.library_file:
             with side.add_tab("Learn", viser.Icon.SCHOOL):
                 ask = self._panel.ask
@@ -91,10 +91,12 @@ class DeckView:
         """Draws a picture at a time, s, and for browsers that look back what was shown then."""
         self._past.timeline.keep(latest, shown_motions(latest.snapshot), now)
         self._history.keep(latest, now)
+        self._run_s = latest.snapshot.run_s
         if clients := self._page.get_clients():  # drawing without a browser costs as much
             self._draw(latest, min(now - self._last_picture, LONGEST_STEP))
             self._past.show(clients, self._panel.view(), self._centre, now)
             self._plots.show(clients, now)
+            self._log.show(clients)
         self._last_picture = now
         servos = latest.servos
         if self._hands is not None and servos is not None:
@@ -142,6 +144,7 @@ class DeckView:
             self._past.call_back()
         self._panel.show_event(event)
         self._past.timeline.mark(event)
+        self._log.note(event, self._last_picture, self._run_s)
 
     def end(self, reason: str) -> None:
         """Shows that the run has ended, and why."""

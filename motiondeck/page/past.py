@@ -10,7 +10,7 @@ from controller.motion.rotations import Array
 from motiondeck.page.bodies import Bodies, View
 from motiondeck.page.timeline import SECONDS, Timeline
 from motiondeck.page.web.page_state import Picture
-from motiondeck.page.web.parts import PageParts, Part
+from motiondeck.page.web.parts import OwnPart, PageParts
 
 HELD_OFF = 0.5  # s after that in which no browser looks back: a hand that drags still sends something
 NOW_ALONE = ("/glow", "/steps", "/forces", "/network", "/robot target", "/shadow target")  # drawn of the present only
@@ -22,17 +22,20 @@ class Past:
 
     def __init__(self, parts: PageParts, bodies: Bodies) -> None:
         self.timeline, self._bodies = Timeline(parts, self._hear), bodies
-        parts.add("past", "past", heard=self._hear)
+        self._frame = OwnPart(parts, "past", self._hear)
         self._asked: dict[int, tuple[float, float]] = {}  # by browser: when, and to see how far back, s
         self._moments: dict[int, tuple[float, Picture]] = {}
         self._drawn: dict[int, tuple[Bodies, View, Picture]] = {}
-        self._frames: dict[int, Part] = {}
         self._called = -HELD_OFF
 
     def _hear(self, said: Any, event: viser.GuiEvent) -> None:
         match said:
             case {"back": float(back) | int(back)} if event.client_id is not None:
                 self._asked[event.client_id] = time.monotonic(), back
+
+    def look(self, client: int, moment: float) -> None:
+        """Has a browser see a time, s; of what is no longer kept, the oldest."""
+        self._asked[client] = (now := time.monotonic()), max(now - moment, 0.1)
 
     def moment(self, client: int) -> float | None:
         """The time that a browser looks back to, s; None for one that sees what happens now."""
@@ -51,19 +54,17 @@ class Past:
                 self._moments.pop(number, None)
             elif at - self._called > HELD_OFF:
                 self._moments[number] = self.timeline.at(back)
-        for number in {*self._frames} - {*clients}:
-            for kept in (self._moments, self._drawn, self._frames):
+        for number in {*self._moments, *self._drawn} - {*clients}:
+            for kept in (self._moments, self._drawn):
                 kept.pop(number, None)
         for number, client in clients.items():
             if (look := self._moments.get(number)) is not None:
                 moment, picture = look
                 self._draw(client, picture, view, picture.arrays.qpos[:2] if view.follows else centre)
-                if number not in self._frames:
-                    self._frames[number] = Part("past", client.gui.add_html(""))
-                self._frames[number].show({"back": max(round(now - moment), 1), "seconds": SECONDS})
+                self._frame.show(client, {"back": max(round(now - moment), 1), "seconds": SECONDS})
             elif self._drawn.pop(number, None) is not None:
                 _clear(client)
-                self._frames[number].show({"back": 0, "seconds": SECONDS})
+                self._frame.show(client, {"back": 0, "seconds": SECONDS})
 
     def _draw(self, client: viser.ClientHandle, picture: Picture, view: View, centre: Array) -> None:
         bodies, *before = self._drawn.get(client.client_id, (self._bodies, None, None))

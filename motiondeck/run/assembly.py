@@ -194,7 +194,8 @@ def _assemble(opening: ExitStack, stop: StopRequest, spec: RunSpec, played: Play
     if recorder is not None:
         children.add("the recorder", recorder.process)
     run = CommandedRun(deck, servos, body, host.restarts, ticker, snapshots=snapshots)
-    handler = CommandHandler(run, servers, recorder.note if recorder is not None else None)
+    noted = (recorder.note, recorder.tell) if recorder is not None else (None, None)
+    handler = CommandHandler(run, servers, noted[0], tell=noted[1])
     seen = (lambda: watch.seen) if watch is not None else None
     if wired is not None:
         stops.append(watch_wire(wired, handler))

@@ -17,7 +17,10 @@ _REMEMBERED = 16  # emergency stops
 
 
 class CommandHandler:
-    """Carries out what has arrived, once a tick; it never waits or raises. `note` gets each command and its reply."""
+    """Carries out what has arrived, once a tick; it never waits or raises.
+
+    `note` gets each command and its reply, and `tell` each event.
+    """
 
     def __init__(
         self,
@@ -25,10 +28,11 @@ class CommandHandler:
         servers: Sequence[CommandServer],
         note: Callable[[DeckCommand, Reply], None] | None = None,
         now: Callable[[], float] = time.monotonic,
+        tell: Callable[[Event], None] | None = None,
     ) -> None:
         self._run, self._deck, self._body, self._timed = run, run.deck, run.body, run.timed
         self._servers, self._note = servers, note
-        self._listeners = Listeners(run.deck, now)
+        self._listeners = Listeners(run.deck, now, tell)
         self._second = SecondReplies(now)
         self._sent_mode: tuple[Mode, bool] = ("playing", run.deck.paused)
         self._presses = 0  # those of which events were sent

@@ -31,8 +31,9 @@ class _Listener:
 class Listeners:
     """All listening clients of a deck, its source of events, which pauses when a heartbeat is missed."""
 
-    def __init__(self, deck: PlayableDeck, now: Callable[[], float]) -> None:
-        self._deck, self._now = deck, now
+    def __init__(self, deck: PlayableDeck, now: Callable[[], float], tell: Callable[[Event], None] | None) -> None:
+        """`tell` gets every event."""
+        self._deck, self._now, self._tell = deck, now, tell
         self.known: dict[Address, _Listener] = {}
         self._number = 0
 
@@ -53,6 +54,8 @@ class Listeners:
         """Sends an event to all subscribers, with the next number."""
         self._number += 1
         event = msgspec.structs.replace(event, number=self._number)
+        if self._tell is not None:
+            self._tell(event)
         for listener in self.known.values():
             if listener.subscribed:
                 listener.client.reply(event)

@@ -8,7 +8,7 @@ import viser
 
 from controller.motion.rotations import Array
 from motiondeck.page.plots.history import SECONDS, History
-from motiondeck.page.web.parts import PageParts, Part
+from motiondeck.page.web.parts import OwnPart, PageParts
 
 EVERY = 1.0  # s from one drawing to the next
 MOST_CURVES = 12
@@ -30,9 +30,8 @@ class Plots:
         self._history, self._moment = history, moment
         groups = {group: [*curves] for group, curves in history.curves.items()}
         parts.add("plots", "plots", {"groups": groups, "most": MOST_CURVES}, self._hear).show({})
-        parts.add("plot-lines", "plot-lines")
+        self._lines = OwnPart(parts, "plot-lines")
         self._wanted: dict[int, _Wanted] = {}  # by browser
-        self._shown: dict[int, Part] = {}
         self._drawn: dict[int, tuple[float, _Wanted, float | None]] = {}
 
     def _hear(self, said: Any, event: viser.GuiEvent) -> None:
@@ -48,17 +47,14 @@ class Plots:
         for number, wanted in [*self._wanted.items()]:
             client, moment = clients.get(number), self._moment(number)
             if client is None:
-                for kept in (self._wanted, self._shown, self._drawn):
-                    kept.pop(number, None)
+                del self._wanted[number]
                 continue
             at, *before = self._drawn.get(number, (-EVERY, None, None))
             due = before != [wanted, moment] or (moment is None and now - at >= EVERY)  # what is past stays as it is
             if not (wanted.curves and due):
                 continue
             self._drawn[number] = now, wanted, moment
-            if number not in self._shown:
-                self._shown[number] = Part("plot-lines", client.gui.add_html(""))
-            self._shown[number].show(self._state(wanted, now, moment))
+            self._lines.show(client, self._state(wanted, now, moment))
 
     def _state(self, wanted: _Wanted, now: float, moment: float | None) -> dict[str, Any]:
         history = self._history

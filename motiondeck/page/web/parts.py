@@ -61,6 +61,20 @@ class Part:
         self._state.content = f'<div hidden data-state-of="{self._name}" data-state="{text}"></div>'
 
 
+class OwnPart:
+    """A part with another state in each browser, where the page's widgets are being added."""
+
+    def __init__(self, parts: "PageParts", name: str, heard: Heard | None = None) -> None:
+        self._name, self._of = name, dict[int, Part]()
+        parts.add(name, name, heard=heard)
+
+    def show(self, client: viser.ClientHandle, state: Any) -> None:
+        """Shows a state of any JSON values in one browser."""
+        if (number := client.client_id) not in self._of:
+            self._of[number] = Part(self._name, client.gui.add_html(""))
+        self._of[number].show(state)
+
+
 class PageParts:
     """The scripts of the parts on a page, and the way back from them."""
 

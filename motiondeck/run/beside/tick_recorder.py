@@ -2,12 +2,15 @@
 
 import contextlib
 import math
+import os
+import select
 import subprocess
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 
 from controller.loop.loop import LoopState
@@ -15,10 +18,10 @@ from controller.motion.rotations import Array
 from controller.wire.messages.arguments import Number
 from controller.wire.messages.commands import DeckCommand, FollowPerson, Gaze, SetInput
 from controller.wire.messages.deck_snapshot import DeckSnapshot
-from controller.wire.messages.replies import Refused, Reply
+from controller.wire.messages.replies import Event, Refused, Reply
 from controller.wire.recorder import reason_file
 from controller.wire.run_folder import run_folder
-from controller.wire.run_recording import check_replaceable
+from controller.wire.run_recording import RecordedEvent, check_replaceable
 from controller.wire.snapshot_numbers import SnapshotNumbers
 from controller.wire.telemetry import StateWriter
 from motiondeck.run.beside.child_process import child_process
@@ -40,9 +43,11 @@ class TickRecorder:
         process: subprocess.Popen[bytes],
         state: Path,
         file: Path,
+        events: int,
     ) -> None:
         self._writer, self._numbers, self._motions = writer, numbers, motions
-        self.process, self._state, self._file = process, state, file
+        self.process, self._state, self._file, self._events = process, state, file, events
+        self._tick = -1
         self._forget()
 
     def finish(self) -> dict[str, object]:
@@ -69,6 +74,13 @@ class TickRecorder:
         motion = (float(self._motions.index(name)) for name in message.motions if name in self._motions)
         fields["argument"][0] = next(numbers, next(motion, math.nan))
 
+    def tell(self, event: Event) -> None:
+        """Hands an event over, as one that comes after the last tick; it is lost where the recorder is held up."""
+        line = msgspec.json.encode(RecordedEvent(self._tick, event)) + b"\n"
+        with contextlib.suppress(OSError):  # no room in the pipe, or the recorder has ended
+            if len(line) <= select.PIPE_BUF:  # more might be written in part
+                os.write(self._events, line)
+
     def record(self, snapshot: DeckSnapshot, loop: LoopState, measured: Array | None, placed: Array) -> None:
         """Hands one tick over, with measured joint positions (J,), rad, if any, and where the root was meant to be.
 
@@ -83,6 +95,7 @@ class TickRecorder:
         fields["root_rotation"][:] = loop.pose.rotation[0]
         fields["robot_root"][:] = placed
         self._writer.publish()
+        self._tick = snapshot.tick
         self._forget()
 
     def _forget(self) -> None:
@@ -111,8 +124,14 @@ def recording(out: Path, description: Mapping[str, Any], rate: float) -> Iterato
     with run_folder() as folder:
         state = folder / "ticks"
         writer = StateWriter(state, description, fields, slots=max(2, int(np.ceil(KEPT_SECONDS * rate))))
-        with child_process("controller.wire.recorder", str(state), str(out), patience=_PATIENCE) as process:
-            try:
-                yield TickRecorder(writer, numbers, description["motions"], process, state, out)
-            finally:
-                writer.close()
+        theirs, ours = os.pipe2(os.O_NONBLOCK | os.O_CLOEXEC)  # events are in it until the recorder has started
+        try:
+            arguments = "controller.wire.recorder", str(state), str(out), "0"
+            with child_process(*arguments, patience=_PATIENCE, stdin=theirs) as process:
+                try:
+                    yield TickRecorder(writer, numbers, description["motions"], process, state, out, ours)
+                finally:
+                    writer.close()
+        finally:
+            os.close(theirs)
+            os.close(ours)

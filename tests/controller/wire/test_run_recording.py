@@ -5,6 +5,7 @@ import sys
 import time
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 from hypothesis import given
@@ -15,9 +16,15 @@ from controller.deck.recorded_deck import RecordedDeck
 from controller.loop.commands.commanded_run import CommandedRun
 from controller.loop.stop_requests import StopRequest
 from controller.wire.messages.commands import Blend, GiveBeat, Jump, Queue, SetTempo, Switch, Unlock
-from controller.wire.messages.replies import Accepted
+from controller.wire.messages.replies import Accepted, Event
 from controller.wire.recorder import main, record
-from controller.wire.run_recording import RecordingWriter, RunRecording, check_replaceable, load_recording
+from controller.wire.run_recording import (
+    RecordedEvent,
+    RecordingWriter,
+    RunRecording,
+    check_replaceable,
+    load_recording,
+)
 from controller.wire.telemetry import StateReader, StateWriter
 from motiondeck_base.errors import FileFormatError, MotiondeckError
 
@@ -54,6 +61,23 @@ def test_each_chunk_can_be_read_as_soon_as_it_is_written(tmp_path):
     recording = load_recording(tmp_path / "r")
     assert (recording.ticks, recording.complete) == (3, False)
     writer.close()
+
+
+@given(st.lists(st.one_of(st.integers(1, 5), st.text(max_size=9)), max_size=6))
+def test_events_are_read_with_the_tick_that_they_came_after(tmp_path, deeds):
+    """Numbers are ticks that are written at once, words the text of an event."""
+    writer, last, told = RecordingWriter(tmp_path / "r", DESCRIPTION, FIELDS), -1, []
+    for deed in deeds:
+        if isinstance(deed, int):
+            writer.append(rows(last + 1, deed))
+            last += deed
+        else:
+            told.append(RecordedEvent(last, Event("fault", deed, "walk", 1.5, len(told))))
+            writer.append_events(msgspec.json.encode(told[-1]) + b"\n")
+    assert not load_recording(tmp_path / "r").complete
+    writer.close()
+    recording = load_recording(tmp_path / "r")
+    assert (recording.ticks, [*recording.events], recording.complete) == (last + 1, told, True)
 
 
 @given(st.lists(st.integers(1, 5), max_size=5), st.data())
@@ -114,14 +138,14 @@ def test_what_cannot_be_opened_is_said(tmp_path):
 
 
 def test_another_version_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr("controller.wire.run_recording.VERSION", 7)
+    monkeypatch.setattr("controller.wire.run_recording.VERSION", 8)
     write(tmp_path / "r", [1])
     monkeypatch.undo()
-    with pytest.raises(FileFormatError, match="version 7; this Motiondeck reads versions 1 to 6"):
+    with pytest.raises(FileFormatError, match="version 8; this Motiondeck reads versions 1 to 7"):
         load_recording(tmp_path / "r")
 
 
-@pytest.mark.parametrize("version", [1, 2, 3, 4])
+@pytest.mark.parametrize("version", [1, 2, 3, 4, 5, 6])
 def test_older_versions_are_still_read(tmp_path, monkeypatch, version):
     monkeypatch.setattr("controller.wire.run_recording.VERSION", version)
     write(tmp_path / "r", [1])

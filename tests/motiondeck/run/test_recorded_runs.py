@@ -11,6 +11,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import get_args
 
+import msgspec
 import numpy as np
 import pytest
 from hypothesis import given
@@ -33,8 +34,8 @@ from controller.wire.messages.commands import (
     Switch,
 )
 from controller.wire.messages.deck_snapshot import LOCK_SOURCES, MODES, LockStage
-from controller.wire.messages.replies import Accepted
-from controller.wire.run_recording import load_recording
+from controller.wire.messages.replies import Accepted, Event
+from controller.wire.run_recording import RecordedEvent, RecordingWriter, load_recording
 from controller.wire.snapshot_numbers import SnapshotNumbers
 from motiondeck.pictures.clip_scene import act_of_recording
 from motiondeck.run.beside.tick_recorder import TickRecorder
@@ -118,7 +119,9 @@ def run(runs):
 def test_any_command_is_noted_with_its_first_number_or_its_motion(message):
     """One that cannot be noted would be refused after it was carried out."""
     fields = {name: np.zeros(1) for name in ("command", "argument", "refused")}
-    recorder = TickRecorder(SimpleNamespace(fields=fields), SnapshotNumbers([]), ["walk", "jog"], None, Path(), Path())
+    recorder = TickRecorder(
+        SimpleNamespace(fields=fields), SnapshotNumbers([]), ["walk", "jog"], None, Path(), Path(), -1
+    )
     recorder.note(message, Accepted(message.id))
     assert fields["command"][0] == message.row.record
     match message:
@@ -148,6 +151,22 @@ def test_every_tick_is_recorded_with_its_commands(run, folder):
     halted = fields["targets"][fields["mode"][:, 0] == MODES.index("emergency stop")]
     assert np.array_equal(halted[-1], halted[-5])
     assert np.isfinite(fields["measured"][5:]).all()
+
+
+@pytest.mark.thorough
+def test_events_are_recorded_at_the_ticks_where_the_loop_changed(run, folder):
+    """By the modes that the loop wrote in every tick: an event is of that tick or the next, where it is noticed."""
+    recording = load_recording(folder / "show.rec")
+    modes, ticks = recording.fields["mode"][:, 0], recording.fields["tick"][:, 0]
+    changes = ticks[1:][np.diff(modes) != 0.0]
+    told = [one for one in recording.events if one.event.kind == "mode"]
+    assert len(changes) >= 3
+    assert len(told) == len(changes)
+    assert {one.tick + 1 - change for one, change in zip(told, changes, strict=True)} <= {0.0, 1.0}
+    assert [one.event.number for one in recording.events] == [*range(1, len(recording.events) + 1)]
+    assert recording.events[-1].event == msgspec.structs.replace(
+        recording.events[-1].event, kind="ended", text=run["reason"]
+    )
 
 
 @pytest.mark.thorough
@@ -223,6 +242,24 @@ def test_a_recording_is_plotted(run, folder):
     assert "7 commands" in done.stdout
     figures = json.loads(motiondeck("plot", folder / "show.rec", "--json").stdout)
     assert (figures["ticks"], figures["lost_ticks"], figures["refused"]) == (run["ticks"], 0, 1)
+    assert figures["events"][-1]["kind"] == "ended"
+
+
+def test_what_went_wrong_in_a_recording_is_printed(run, folder):
+    recording = load_recording(folder / "show.rec")
+    sizes = {name: values.shape[1] for name, values in recording.fields.items()}
+    writer = RecordingWriter(folder / "wrong.rec", recording.description, sizes)
+    writer.append(np.hstack([*recording.fields.values()]))
+    for tick, kind, text in (
+        (49, "fault", "rig: knee is hot"),
+        (99, "settled", "walk"),
+        (149, "fell", "it has fallen"),
+    ):
+        writer.append_events(msgspec.json.encode(RecordedEvent(tick, Event(kind, text))) + b"\n")
+    writer.close()
+    done = motiondeck("plot", folder / "wrong.rec")
+    said = [line for line in done.stdout.splitlines() if line.startswith("at ")]
+    assert said == ["at 0.50 s fault: rig: knee is hot", "at 1.50 s fell: it has fallen"], done.stderr
 
 
 def test_a_run_that_is_killed_leaves_what_it_did(folder):
