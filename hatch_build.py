@@ -1,7 +1,7 @@
 """Compiles the safety envelope when Motiondeck is built or installed; without a C compiler Python does its work.
 
-The README loses links that a package index cannot follow. A wheel with the compiled part is for one platform, one
-without it for all.
+The README loses what a package index cannot follow, or a checkout alone has. A wheel with the compiled part is for one
+platform, one without it for all.
 """
 
 import re
@@ -57,11 +57,14 @@ class CompileEnvelope(BuildHookInterface):
 
 
 class ReadmeOfAnIndex(MetadataHookInterface):
-    """The README as a package index can show it: without links to files and pictures beside it."""
+    """The README as a package index can show it: without links to files, pictures, or a checkout's commands."""
 
     def update(self, metadata: dict[str, Any]) -> None:
         """Sets the readme of the metadata."""
         text = (Path(self.root) / "README.md").read_text(encoding="utf-8")
         text = re.sub(r"^!\[[^\]]*\]\((?!https?:)[^)]*\)\n+", "", text, flags=re.M)
         text = re.sub(r"\[([^\]]*)\]\((?!https?:|#)[^)]*\)", r"\1", text)
+        text = re.sub(r"^\*\*Run its tests.*?^<!-- -->\n+", "", text, flags=re.M | re.S)
+        text = text.replace("pip install -q . ", "pip install -q motiondeck ")
+        text += "\nThe files named here are in the source distribution.\n"
         metadata["readme"] = {"content-type": "text/markdown", "text": text}

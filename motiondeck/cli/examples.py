@@ -22,7 +22,7 @@ def examples(folder: Annotated[Path, Argument(metavar="DIR", help="A folder to m
     """Copy examples, configs and a recording into a folder.
 
     There the scripts, and the command lines of the documentation that name examples/ or configs/, run as they stand.
-    walk.bvh was made for Motiondeck. Nothing is replaced.
+    walk.bvh is a walk made for Motiondeck, free to use. Nothing is replaced.
 
     Example:  motiondeck examples motions
     """

@@ -69,23 +69,23 @@ def learn(options: LearnOptions, reading: Reading, as_json: JsonOption = False) 
     """Learn a library from recordings, or from a recipe.
 
     Recordings need no settings. One of 12 s and more is cut into motions where the behaviour changes or the body rests
-    (--whole overrules). Still ends are trimmed; a motion that returns, and is repeated or moves on there, becomes a
-    loop, any other a one-shot that ends in its last pose (--as overrules); all are resampled to 120 Hz and carried to
-    one body. Every motion is tested. The reason why a recording is left out, and doubts about a body, are
-    printed. The recipe is written beside the library (NAME.toml, or NAME.recipe.toml where that is a rig file or
-    keyframes). With --robot the table of `preflight` follows: which motions that robot plays, and at which tempo.
+    (--whole overrules). Still ends are trimmed. A motion that returns, and is repeated or moves on there, becomes a
+    loop; any other plays once and ends in its last pose (--as overrules). Every motion is tested. What is left out is
+    printed with the reason, as are doubts about a body. The recipe is written beside the library (NAME.toml, or
+    NAME.recipe.toml where that is a rig file or keyframes): edit it, and learn that. With --robot the table of
+    `preflight` follows: which motions that robot plays, and at which tempo.
 
     With --physical the joint angles of --robot are learned, as its simulation does each motion on its own feet, from
-    files in a folder NAME beside the library, each whole and as a one-shot; motions in which it falls are left out. It
-    takes 15 to 20 s of processor time a second (G1). That robot and rigs with its joints play them in place, and with
-    --root free on its feet, by the feedback in the folder.
+    files in a folder NAME beside the library, each whole and once. Motions in which it falls are left out. It takes
+    15 to 20 s of processor time a second of motion (G1). That robot and rigs with its joints play them in place, and
+    with --root free on its feet, by the feedback in the folder.
 
-    Clips of `motiondeck rig teach` and keyframes (.toml) become loops or one-shots as they were taught or written;
+    Clips of `motiondeck rig teach` and keyframes (.toml) play once or as loops, as they were taught or written.
     NAME.clip, NAME.2.clip ... are takes of one motion and are averaged. The part of a loop that returns best to its
     start is learned.
 
     With --tolerance the smallest kind of network is taken, also in place of a recipe's, of which no motion is farther
-    off than MM; what else was tried is printed, and the bytes and the error of a clip of splines.
+    off than MM. What else was tried is printed, and the bytes and the error of a clip of splines.
 
     A recipe (.toml) is learned as it says. Its library is written if every motion passes: each runs free for three
     times its length, and is compared with all that was trained (the self-test) and with its recording as it was read.

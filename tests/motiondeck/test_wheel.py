@@ -93,7 +93,9 @@ def test_page_recording_and_emulated_rig_work_beside_foreign_packages(command, c
 def test_what_an_index_shows_has_no_link_that_it_cannot_follow(command):
     (file,) = command.parents[1].glob("lib/python*/site-packages/motiondeck-*.dist-info/METADATA")
     head, _, readme = file.read_text(encoding="utf-8").partition("\n\n")
-    assert "Installation has extras" in readme
+    assert "docs/installation.md has extras" in readme
+    assert "pip install -q motiondeck &&" in readme
+    assert [words for words in ("install -q .", "[dev]", "<!--") if words in readme] == []
     assert [link for link in re.findall(r"\]\(([^)]*)\)", readme) if not link.startswith("https:")] == []
     tested = re.findall(r'"([\d.]+)"', (CHECKOUT / ".github/workflows/ci.yml").read_text().partition("python: [")[2])
     assert re.findall(r"^Classifier: Programming Language :: Python :: (\d\.\d+)$", head, flags=re.M) == tested

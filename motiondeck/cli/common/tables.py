@@ -30,7 +30,8 @@ def show_table(
 ) -> None:
     """Prints a table; the first column and those named in `left` are aligned left, others right.
 
-    Cells may hold rich markup such as [red]failed[/]; notes are printed verbatim below the table.
+    In a window too narrow for its words each row becomes a block of lines. Cells may hold rich markup such as
+    [red]failed[/]; notes are printed verbatim below the table.
     """
     from rich import box
     from rich.console import Console
@@ -40,9 +41,14 @@ def show_table(
     for column, heading in enumerate(headings):
         justify = "left" if not column or heading in left else "right"
         table.add_column(printable(heading), justify=justify, no_wrap=not column, overflow="fold")
-    for row in rows:
+    for row in (rows := list(rows)):
         table.add_row(*map(printable, row))
     console = Console(width=None if sys.stdout.isatty() else PIPE_WIDTH)
+    if console.measure(table, options=console.options.update(width=10_000)).minimum > console.width:
+        table = RichTable(title=table.title, box=box.SIMPLE_HEAD, show_header=False)
+        for row in rows:
+            for name, value in zip(headings, row, strict=True):
+                table.add_row(printable(name), printable(value), end_section=name == headings[-1])
     console.print(table)
     for note in notes:
         console.print(printable(note), style="dim", highlight=False, markup=False)
