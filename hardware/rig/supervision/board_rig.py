@@ -57,6 +57,17 @@ def _letters(counts: NDArray[np.int64]) -> bytes:
     return (counts[:, None] // _WEIGHTS % 64 + _LETTER).astype(np.uint8).tobytes()
 
 
+def ask(port: Port, command: str, seconds: float = _SILENT) -> tuple[str, bytes]:
+    """A board's reply to a command, empty if none came in time, and all that came."""
+    end, received, replies = port.now() + seconds, b"", list[str]()
+    port.send(f"\n{command}\n".encode())
+    while not replies and (left := end - port.now()) > 0.0 and port.wait(left):
+        received += port.receive()
+        lines = [line.decode(errors="replace").strip() for line in received.split(b"\n")[:-1]]
+        replies = [line for line in lines if line.startswith(("ok", "refused"))]
+    return (replies[-1] if replies else ""), received
+
+
 class BoardRig:
     """A board that plays goals; with the guard's side of `hardware.rig.supervision.rig.Rig`."""
 
@@ -72,7 +83,8 @@ class BoardRig:
         self._alert, self._unread, self._flags, self._heard = np.zeros(count, np.bool_), b"", _TAKEN, port.now()
         self._board, self._request = f"the board at {port.name}", f"goals {1e-3 * config.watchdog_ms:g}"
         for _ in range(_TRIES):
-            reply = self._ask(self._request, _AGAIN)
+            reply, received = ask(port, self._request, _AGAIN)
+            self._read(received)
             if reply not in ("", f"ok {own}") or np.isfinite(self._seen).all():
                 break
         if not reply.startswith("ok"):
@@ -113,7 +125,7 @@ class BoardRig:
     def collect_state(self) -> bool:
         """Takes the answers that have come; whether there were any. RigError if the board is silent or has stopped."""
         heard, now = self._heard, self._port.now()
-        self._replies()
+        self._read(self._port.receive())
         lost = np.flatnonzero(self._heard - self._seen > LOST_AFTER)
         if self._flags & _OWN_STOP:
             raise RigError(f"the rig has stopped: the emergency stop of {self._board} is on. Reset it there")
@@ -145,7 +157,7 @@ class BoardRig:
         """Has the board take torque off, or hold, as the rig file asks or as given; the joints unless it confirms."""
         command = "goals 0" if hold or self.config.on_exit == "hold" else "off"
         try:
-            return [] if self._ask(command, _SILENT).startswith("ok") else list(self.names)
+            return [] if ask(self._port, command)[0].startswith("ok") else list(self.names)
         except SerialPortError:
             return list(self.names)
         finally:
@@ -154,17 +166,9 @@ class BoardRig:
     def _label(self, joint: int) -> str:
         return self.config.joints[joint].label
 
-    def _ask(self, command: str, seconds: float) -> str:
-        """The reply to a command; empty if none came in time."""
-        end, replies = self._port.now() + seconds, list[str]()
-        self._port.send(f"\n{command}\n".encode())
-        while not replies and (left := end - self._port.now()) > 0.0 and self._port.wait(left):
-            replies = self._replies()
-        return replies[-1] if replies else ""
-
-    def _replies(self) -> list[str]:
-        """Takes the states that have come; the replies among them."""
-        *lines, unread = (self._unread + self._port.receive()).split(b"\n")
+    def _read(self, received: bytes) -> None:
+        """Takes the states among what has come."""
+        *lines, unread = (self._unread + received).split(b"\n")
         self._unread, now = unread[-4096:], self._port.now()
         for line in (line[line.rfind(ANSWER) :].rstrip() for line in lines if ANSWER in line):
             if (state := read_line(line, len(self.names))) is None:
@@ -178,4 +182,3 @@ class BoardRig:
             self.faults.missed[:] += ~known
             self.faults.alert[:] += alert
             self._alert = alert | (self._alert & ~known)
-        return [line.decode(errors="replace").strip() for line in lines if line.startswith((b"ok", b"refused"))]

@@ -3,6 +3,7 @@
 import json
 import sys
 import time
+from contextlib import closing
 from pathlib import Path
 from typing import Annotated
 
@@ -127,7 +128,9 @@ def stop(rig: RigArgument, port: PortOption = None, as_json: JsonOption = False)
 
     Example:  motiondeck rig stop servo20
     """
+    from hardware.bus.port import SerialPort
     from hardware.errors import SerialPortError
+    from hardware.rig.supervision.board_rig import BAUD, ask
     from hardware.rig.switching.torque import switch_off
 
     config = load(rig)
@@ -136,6 +139,10 @@ def stop(rig: RigArgument, port: PortOption = None, as_json: JsonOption = False)
     for part in config.on_ports(port or ()):
         # The servos on other ports are switched off even if one port is gone.
         try:
+            if config.board and not port:
+                with closing(SerialPort(config.board, BAUD)) as board:
+                    unconfirmed += [] if ask(board, "off")[0] == "ok" else part.servos.names
+                continue
             with open_buses(part, None) as buses:
                 unconfirmed += [name for own, bus in buses for name in switch_off(own.servos, bus)]
         except SerialPortError as error:

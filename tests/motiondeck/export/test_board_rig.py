@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 
 import arduino_boards
 from benchmarks.export._c_player import beyond_limits
+from command_line import motiondeck
 from controller.library.motion_library import save_library
 from controller.loop.safety.compiled_envelope import safety_envelope
 from hardware.errors import RigError
@@ -363,6 +364,21 @@ def test_play_drives_the_board_of_a_rig_file(programs, rig, tmp_path):
         assert said[-4:] == ["off 1", "off 2", "off 7", "off 4"]
 
     tried(played)
+
+
+@thorough
+@needs_compiler
+def test_rig_stop_takes_the_torque_off_at_the_board(programs, rig, tmp_path):
+    def stopped():
+        with arduino_boards.running_board(programs[1]["Dynamixel"]) as (port, said):
+            (file := tmp_path / "board.toml").write_text(f'board = "{port}"\n{rig.read_text()}')
+            done = motiondeck("rig", "stop", file)
+        assert (done.returncode, done.stdout) == (0, "torque off: 4 of 4 servos\n")
+        assert said[-4:] == ["off 1", "off 2", "off 7", "off 4"]
+
+    tried(stopped)
+    (gone := tmp_path / "gone.toml").write_text(f'board = "{tmp_path}/nothing"\n{rig.read_text()}')
+    assert motiondeck("rig", "stop", gone).returncode == 1
 
 
 def tell(port, rig, goals):
