@@ -2,17 +2,19 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from controller.library.motion_library import MotionLibrary, load_library
 from hardware.rig.rig_file import load_rig
 from motiondeck.export.figure import Figure, figure_of
-from motiondeck.export.web_page import write_page
+from motiondeck.export.web_page import drawn_human, write_page
 from motiondeck.run.baked_libraries import find_baked
 from motiondeck.run.robots.rig_on_deck import robot_of
 from motiondeck.run.spec.run_spec import RunSpec
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.shipped import find_library, find_rig
 from sim.robots.catalogue import find_robot
+from sim.robots.joint_groups import joint_groups
 from sim.robots.robot import RobotLoader
 
 RATE = 100.0  # Hz, of a robot; a rig has its own
@@ -30,14 +32,17 @@ def open_figure(
     file, place = find_library(library), find_robot(str(robot)) if rig is None else find_rig(rig)
     loaded, rate = load_library(file), RATE
     try:
+        also: dict[str, Any] = {}  # that a page shows
         if not loaded.skeleton.is_rig:
+            also["human"] = drawn_human(loaded, motions) if page else None
             loaded = _baked(file, None if rig else place)
         if rig is None:
-            played = RobotLoader(place)(loaded.skeleton)
+            loader = RobotLoader(place)
+            also["groups"] = joint_groups(played := loader(loaded.skeleton), loader.file, loaded.skeleton)
         else:
             played, rate = robot_of(place, loaded.skeleton), load_rig(place).rate_hz
         if page is not None:
-            return write_page(page, loaded, played, rate, motions)
+            return write_page(page, loaded, played, rate, motions, **also)
         return figure_of(loaded, played.joints, played.limits, played.rest, rate, motions)
     except MotiondeckError as error:
         raise MotiondeckError(f"{file}: {error}") from None
@@ -45,9 +50,7 @@ def open_figure(
 
 def _baked(file: Path, robot: Path | None) -> MotionLibrary:
     if robot is None:
-        raise MotiondeckError(
-            "its motions are those of a human; give the file of one baked for a robot of these joints"
-        )
+        raise MotiondeckError("its motions are those of a human; give the file of one baked for these joints")
     if baked := find_baked(RunSpec(robot=str(robot)), file, robot):
         return baked[0]
     again = f"motiondeck library bake {file.stem} --robot {robot.stem}"

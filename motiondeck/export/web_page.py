@@ -11,28 +11,35 @@ import mujoco
 import numpy as np
 
 from controller.deck.interfaces import JointLimits
+from controller.deck.motion_generator import MotionGenerator
 from controller.library.motion_library import MotionLibrary
+from controller.motion.canonical.canonical_body import root_height
 from controller.motion.encodings.robot_joints import ROOT, RobotBody
 from controller.motion.rotations import Array
 from motiondeck.export.c_folder import write_folder
 from motiondeck.export.figure import Figure, figure_of
 from motiondeck.page.body.solids import batches
 from sim.models.joint_layout import JointLayout
+from sim.models.mannequin.mannequin import ROOT_BODY, build_mannequin
 from sim.models.scenery import LABEL, body_height
 from sim.robots.robot import Robot
 
 WEB = Path(__file__).with_name("web")
-FILES = ("index.html", "page.css", "scene.js", "player.js", "page.js")
+FILES = ("index.html", "page.css", "scene.js", "human.js", "player.js", "trace.js", "page.js")
 FREE = JointLimits(*(np.full(len(ROOT), free) for free in (-1e3, 1e3, 1e3, 1e5, 1e7)))  # what shows where a root goes
 MOST_TRIANGLES = 800  # of a mesh: less than on the live page, since the folder is sent to others
+SAMPLES, POSE_UNIT = 20.0, 8192.0  # of a human: poses a second, and what their numbers are multiplied with
 BODIES = ("body_parentid", "body_pos", "body_quat", "jnt_type", "jnt_bodyid", "jnt_qposadr", "jnt_axis", "jnt_pos")
 SHAPES = ("qpos0", "geom_bodyid", "geom_pos", "geom_quat", "site_bodyid", "site_pos")
 
 
-def write_page(folder: Path, library: MotionLibrary, robot: Robot, rate: float, motions: Sequence[str] = ()) -> Figure:
+def write_page(
+    folder: Path, library: MotionLibrary, robot: Robot, rate: float, motions: Sequence[str] = (), **also: Any
+) -> Figure:
     """Writes the page of some motions of a library, or all, on a robot, at ticks of a rate in Hz; as of `figure_of`.
 
-    A browser loads nothing from elsewhere, so the page opens from a disk, too.
+    It shows also `human`, of `drawn_human`, beside the robot, and takes layers on `groups` of joints, names by name. A
+    browser loads nothing from elsewhere, so the page opens from a disk, too.
     """
     joints, limits, rest = robot.joints, robot.limits, robot.rest
     if isinstance(library.skeleton, RobotBody) and robot.footing is not None:  # its root is played as more joints
@@ -41,7 +48,7 @@ def write_page(folder: Path, library: MotionLibrary, robot: Robot, rate: float, 
     figure = figure_of(library, joints, limits, rest, rate, motions)
     info = library.info
     texts = {"title": f"{info.name} on {robot.name}", "about": f"{info.acknowledgement} {info.licence}".strip()}
-    content = {**texts, "words": _packed(figure.words), "drawing": drawn_figure(robot.drawn, robot.layout)}
+    content = {**texts, "words": _packed(figure.words), "drawing": drawn_figure(robot.drawn, robot.layout), **also}
     copy_player(folder)
     write_folder(folder, {"figure.js": b"motiondeck.figure = " + msgspec.json.encode(content) + b";\n"})
     return figure
@@ -53,18 +60,36 @@ def copy_player(folder: Path) -> None:
     write_folder(folder, {name: (WEB / name).read_bytes() for name in FILES} | {"wasm.js": player.encode()})
 
 
+def drawn_human(library: MotionLibrary, motions: Sequence[str]) -> dict[str, Any]:
+    """The drawing of a library's human, with SAMPLES poses a second of some of its motions, or all.
+
+    A pose is the height of the root, m, and the turns of root and bones, seen from the heading, as quaternions.
+    """
+    skeleton, rate, poses = library.skeleton, library.info.rate, dict[str, str]()
+    model = build_mannequin(skeleton).compile()
+    for one in (one for one in library.info.motions if not motions or one.name in motions):
+        seconds = (one.frames - (one.plays != "loop")) / rate  # until its phase is 1
+        every = seconds / round(SAMPLES * seconds)
+        played = MotionGenerator(library, one.name).frames(seconds + every, 1.0 / every)
+        posture, own = library.encoding.decode(played), skeleton.with_offsets(library.offsets(one.name))
+        pose = posture.at(np.multiply.outer(posture.height, [0.0, 0.0, 1.0]))
+        rows = np.column_stack([root_height(pose, skeleton, own), pose.rotation.reshape(len(played), -1)])
+        poses[one.name] = _packed(np.round(POSE_UNIT * rows).astype("<i2").tobytes())
+    turned = [model.body(name).id for name in (ROOT_BODY, *skeleton.bones)]
+    return {**drawn_figure(model, JointLayout.of(model)), "turned": turned, "poses": poses}
+
+
 def drawn_figure(model: mujoco.MjModel, layout: JointLayout) -> dict[str, Any]:
     """The drawing of a model of hinges for `scene.js`: arrays of the model by their names, and shapes."""
-    led = [
-        (int(follower), int(leader), curve.tolist())
-        for group, followers, leaders in zip(layout.led, layout.followers, layout.leaders, strict=True)
-        for follower, leader, curve in zip(followers, leaders, group.curve, strict=True)
-    ]
+    curves = [group.curve for group in layout.led]
+    led = [np.column_stack(group).tolist() for group in zip(layout.followers, layout.leaders, curves, strict=True)]
     shapes = [
         {
-            **{"vertices": _packed(batch.mesh[0].astype("<f4").tobytes()), "opacity": batch.opacity},
-            **{"faces": _packed(batch.mesh[1].astype("<u2").tobytes())},
-            **{name: _listed(getattr(batch, name)) for name in ("geom", "offset", "scale", "colour")},
+            **{name: _listed(getattr(batch, name)) for name in ("geom", "offset", "scale", "colour", "opacity")},
+            **{
+                name: [_packed(vertices.tobytes()), _packed(faces.astype("<u2").tobytes())]
+                for name, (vertices, faces) in (("mesh", batch.mesh), ("shadow", batch.shadow))
+            },
         }
         for batch in batches(model, MOST_TRIANGLES).values()
     ]
@@ -75,7 +100,7 @@ def drawn_figure(model: mujoco.MjModel, layout: JointLayout) -> dict[str, Any]:
     return {**parts, **joints, "shapes": shapes, "labels": labels, "height": body_height(model)}
 
 
-def _listed(values: Array) -> list[Any]:
+def _listed(values: Array | float) -> Any:
     return np.round(values, 6).tolist()
 
 

@@ -240,10 +240,11 @@ def _lowest(place: Array) -> Array:
     return least - LOW * np.log(np.exp((least[:, None] - height) / LOW).sum(axis=1))
 
 
-def root_height(pose: Pose, skeleton: Skeleton, own: Skeleton) -> float:
-    """The height of the root, m, at which another body has its lowest joints where a skeleton has them in a pose."""
-    here, there = (_lowest(one.joints(np.zeros((1, 3)), pose.rotation[None])).item() for one in (skeleton, own))
-    return float(pose.root_position[2]) + here - there
+def root_height(pose: Pose, skeleton: Skeleton, own: Skeleton) -> Array:
+    """The height of the root (...), m, at which another body has its lowest joints where a skeleton has them."""
+    turns = pose.rotation.reshape(-1, *pose.rotation.shape[-2:])
+    here, there = (_lowest(one.joints(np.zeros((len(turns), 3)), turns)) for one in (skeleton, own))
+    return pose.root_position[..., 2] + (here - there).reshape(pose.rotation.shape[:-2])
 
 
 def leg(skeleton: Skeleton) -> float:

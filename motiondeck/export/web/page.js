@@ -1,5 +1,5 @@
 // The page: it steps the player in the time of the screen, draws the figure, and turns buttons and keys into commands.
-// Keys: Esc stops, space pauses, 1 to 9 play a motion, with shift queue it.
+// Keys: Esc stops, space pauses, 1 to 9 play a motion, with shift queue it. Space on a button presses it.
 (async () => {
   const get = (name) => document.getElementById(name);
   // What changes on the page costs a browser without a graphics card more than the scene: only what is new is written.
@@ -14,17 +14,21 @@
     texts.forEach((text, place) => write(get("state").children[place], text));
   };
   const figure = motiondeck.figureOf(motiondeck.figure.drawing);
-  let player, scene;
+  let player, scene, human;
   try {
     player = await motiondeck.load(motiondeck.figure.words, figure.start);
-    scene = new motiondeck.Scene(get("scene"), figure);
+    const drawn = motiondeck.figure.human;
+    human = drawn && new motiondeck.Human(drawn, figure, player.motions, player.loops);
+    scene = new motiondeck.Scene(get("scene"), human ? [figure, human.figure] : [figure]);
   } catch (error) {
     say("NO PICTURE", "", error.message);
     throw error;
   }
   const motions = player.motions;
-  const page = (motiondeck.page = { player, scene, figure, frames: 0 });
-  document.title = motiondeck.figure.title;
+  const trace = new motiondeck.Trace(get("trace"));
+  const page = (motiondeck.page = { player, scene, figure, human, frames: 0 });
+  document.title = document.querySelector("h1").textContent = motiondeck.figure.title;
+  get("beside").hidden = !human;
   get("about").textContent = motiondeck.figure.about;
 
   // Three moments of a motion as lines from body to body and to the ends of limbs, the last one dark; none of dials.
@@ -67,30 +71,80 @@
     later.onclick = () => press(number, true);
     get("motions").append(box);
   });
-  const tempo = get("tempo");
-  tempo.oninput = () => {
-    player.tempo(+tempo.value);
-    tempo.parentElement.querySelector("output").textContent = `${(+tempo.value).toFixed(2)} x`;
+  // A slider, with its value beside it in words; `set` is told of a new one.
+  const slider = (name, words, set) => {
+    const input = get(name);
+    const shown = () => {
+      input.parentElement.querySelector("output").textContent = words(+input.value);
+      input.setAttribute("aria-valuetext", words(+input.value));
+    };
+    input.oninput = () => {
+      shown();
+      set(+input.value);
+    };
+    shown();
+    return input;
   };
-  tempo.oninput();
+  const percent = (share) => `${Math.round(100 * share)} %`;
+  slider("tempo", (value) => `${value.toFixed(2)} x`, (value) => player.tempo(value));
+
+  // Layers of the robot's groups, else of single joints, and live values of joints.
+  const option = (text, value) => new Option(text, value);
+  const named = Object.entries(motiondeck.figure.groups ?? {});
+  const members = named.length ? named : player.robot.map((name) => [name, [name]]);
+  const groups = Object.fromEntries(members.map(([name, own]) => [name, own.map((one) => player.robot.indexOf(one))]));
+  const [group, over, joint] = [get("group"), get("over"), get("joint")];
+  group.append(...Object.keys(groups).map((name) => option(name.replace("_", " "), name)));
+  over.append(option("nothing", -1), ...motions.map(option));
+  joint.append(...player.robot.map(option));
+  const layer = () => player.layer(groups[group.value], +over.value, +get("weight").value);
+  over.onchange = layer;
+  group.onchange = () => (over.value = player.layerOf(groups[group.value]));
+  slider("weight", percent, () => +over.value >= 0 && layer());
+  const value = slider("value", (share) => share.toFixed(2), (share) => player.hold(+joint.value, share, 3600));
+  joint.onchange = () => {
+    value.value = 0;
+    value.parentElement.querySelector("output").textContent = "";
+  };
+  joint.onchange();
+  get("release").onclick = () => player.live.forEach((number) => player.hold(number, 0, 0.05));
   get("direct").onchange = (event) => (direct = event.target.checked);
   get("stop").onclick = () => (player.mode === "stopped" ? player.reset() : player.stop());
   get("pause").onclick = hold;
 
+  // A press on the ring aims, and its end jumps there.
   const ring = get("ring");
-  const turn = (event) => {
+  const place = (name, phase) => {
+    mark(get(name), "class", phase < 0 ? "" : "seen");
+    if (phase >= 0) get(name).style.transform = `rotate(${phase.toFixed(3)}turn)`;
+  };
+  let aimed = -1;
+  const aim = (event) => {
     const box = ring.getBoundingClientRect();
     const [x, y] = [event.clientX - box.x - box.width / 2, event.clientY - box.y - box.height / 2];
-    player.jump((Math.atan2(x, -y) / (2 * Math.PI) + 1) % 1);
+    aimed = (Math.atan2(x, -y) / (2 * Math.PI) + 1) % 1;
+    place("aim", aimed);
   };
-  ring.onpointerdown = turn;
+  ring.onpointerdown = (event) => {
+    ring.setPointerCapture(event.pointerId);
+    aim(event);
+  };
+  ring.onpointermove = (event) => aimed >= 0 && aim(event);
+  ring.onpointerup = () => player.jump(aimed);
+  ring.onlostpointercapture = () => place("aim", (aimed = -1));
   ring.onkeydown = (event) => {
-    const step = { ArrowRight: 0.01, ArrowUp: 0.01, ArrowLeft: -0.01, ArrowDown: -0.01 }[event.key];
-    if (step) player.jump((player.phase + step + 1) % 1);
+    const step = { ArrowRight: 0.05, ArrowUp: 0.05, ArrowLeft: -0.05, ArrowDown: -0.05, Home: -player.phase }[event.key];
+    if (step === undefined) return;
+    player.jump((player.phase + step + 1) % 1);
+    event.preventDefault();
   };
-  window.onclick = () => show();
+  window.onclick = (event) => {
+    if (event.detail) event.target.closest("button")?.blur(); // so that space pauses after a press by mouse or finger
+    show();
+  };
   window.onkeydown = (event) => {
     if (event.ctrlKey || event.altKey || event.metaKey) return;
+    if (event.key !== "Escape" && event.target.matches(event.key === " " ? "button, select, input, summary" : "select")) return;
     const number = /^Digit[1-9]$/.test(event.code) ? +event.code[5] - 1 : -1;
     if (event.key === "Escape") player.stop();
     else if (event.key === " ") hold();
@@ -120,9 +174,17 @@
     });
     write(get("queue"), then || "+ (or shift and click) queues a motion");
     mark(ring, "aria-valuenow", player.phase.toFixed(2));
+    place("end", queue.length ? player.end : -1);
+    if (over !== document.activeElement) over.value = player.layerOf(groups[group.value]);
+    get("release").disabled = !player.live.length;
+    const layers = player.layers.map(([motion, share]) => `${motions[motion]} ${percent(share)}`);
+    write(inside[1], ["fade " + percent(player.fade), ...layers].join(", "));
+    write(inside[2], `limits hold back ${(1000 * player.held).toFixed(0)} mrad`);
   };
+  const inside = get("inside").querySelectorAll("span");
 
   let last = null;
+  let [entered, faded, since] = [-1, 0, 0];
   let slow = 0.01; // s from picture to picture, smoothed
   const frame = (now) => {
     const passed = last === null ? 0 : (now - last) / 1000;
@@ -131,10 +193,24 @@
     player.advance(Math.min(passed, 0.1));
     const [angles, root] = player.posture;
     const share = 1 - Math.exp(-5 * Math.min(passed, 0.1));
-    scene.centre = scene.centre.map((at, axis) => at + (page.frames ? share : 1) * (root[0][axis] - at));
-    scene.draw(motiondeck.placed(figure, root, angles));
-    get("hand").style.transform = `rotate(${player.phase}turn)`;
-    if (page.frames % 6 === 0) show();
+    const beside = human && get("human").checked;
+    const middle = [root[0][0], root[0][1] - (beside ? human.aside / 2 : 0)];
+    scene.centre = scene.centre.map((at, axis) => at + (page.frames ? share : 1) * (middle[axis] - at));
+    const course = player.course;
+    scene.draw([motiondeck.placed(figure, root, angles), beside && human.bodies(course, root, course.heading)]);
+    get("hand").style.transform = `rotate(${course.phase}turn)`;
+    // Where the motion is entered, from when it is looked for until nothing is left of the one before.
+    if (player.entry >= 0) entered = player.entry;
+    else if (course.fade > 0 && faded <= 0) entered = course.phase;
+    else if (course.fade <= 0) entered = -1;
+    faded = course.fade;
+    place("entry", entered);
+    since += passed;
+    if (page.frames % 6 === 0) {
+      show();
+      trace.draw(since, player.targets.subarray(0, player.robot.length), player.fade, player.layers.map(([, part]) => part), player.held);
+      since = 0;
+    }
     page.frames += 1;
     // A computer that cannot keep up with its screen draws fewer pixels.
     slow = 0.9 * slow + 0.1 * Math.min(passed, 0.2);

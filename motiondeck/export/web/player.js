@@ -16,7 +16,7 @@ motiondeck.Player = class {
   #way; // where among the joints those of the root are
   #heading = 0;
   #root; // place and turn, at the last tick
-  #last; // joints and root at the tick before
+  #last; // joints, root, heading and phase at the tick before
 
   // Of a compiled module, a figure's words as bytes, and where its root stands: [a place, m, and a quaternion].
   constructor(module, words, start) {
@@ -32,13 +32,18 @@ motiondeck.Player = class {
     this.tick = 1 / md_rate(this.#figure); // s
     this.joints = this.#names("joint", md_joints(this.#figure));
     this.motions = this.#names("motion", md_motions(this.#figure));
+    this.loops = this.motions.map((_, motion) => !!this.#ask("is_loop", motion));
     this.waiting = []; // the motions that have been queued
     this.paused = false;
     this.#way = ROOT.map((name) => this.joints.indexOf(`root ${name}`));
     this.#root = start;
     if (this.#way[0] >= 0) this.#root = [[0, 0, 0], [1, 0, 0, 0]];
     this.step();
-    this.#last = [this.targets, this.#root];
+    this.#last = this.#now;
+  }
+
+  get #now() {
+    return [this.targets, this.#root, this.#heading, this.phase];
   }
 
   #names(kind, count) {
@@ -68,7 +73,7 @@ motiondeck.Player = class {
 
   // Plays one tick; the joints' targets, rad.
   step() {
-    this.#last = [this.targets, this.#root];
+    this.#last = this.#now;
     this.targets = this.#angles(this.#ask("step"));
     if (this.#way[0] >= 0) this.#walk(this.#way.map((joint) => this.targets[joint]));
     this.waiting.splice(0, this.waiting.length - this.#ask("queued"));
@@ -98,6 +103,14 @@ motiondeck.Player = class {
     const near = turn.reduce((sum, part, k) => sum + part * facing[k], 0) < 0 ? turn.map((part) => -part) : turn;
     return [between(targets, this.targets), [between(place, there), unit(between(near, facing))]];
   }
+  // What plays, and where it is, at that moment; and the heading, rad.
+  get course() {
+    const [, , heading, phase] = this.#last;
+    const share = this.#due / this.tick;
+    const way = this.phase - phase;
+    const on = Math.abs(way) < 0.1 ? phase + share * way : this.phase;
+    return { playing: this.playing, phase: on, fade: this.fade, heading: heading + share * (this.#heading - heading) };
+  }
 
   get mode() {
     return ["playing", "approaching", "held", "stopped"][this.#ask("mode")]; // as MD_PLAYING and so on of player.h
@@ -110,6 +123,39 @@ motiondeck.Player = class {
   }
   get phase() {
     return this.#ask("phase");
+  }
+  // What is left of the difference that fades, from 1 to 0.
+  get fade() {
+    return this.#ask("fade_left");
+  }
+  // The phase at which the next motion will be entered, below 0 while none is looked for; and that at which the round ends.
+  get entry() {
+    return this.#ask("entry_phase");
+  }
+  get end() {
+    return (((this.phase + this.#ask("round_left")) % 1) + 1) % 1;
+  }
+  // Layers: [motion, share from 0 to 1].
+  get layers() {
+    return Array.from({ length: this.#ask("layers") }, (_, k) => [this.#ask("layer_motion", k), this.#ask("layer_share", k)]);
+  }
+  // The motion on some joints, by their numbers, that does not end; or -1.
+  layerOf(joints) {
+    const layer = this.#ask("layer_of", bits(joints));
+    return layer < 0 ? layer : this.#ask("layer_motion", layer);
+  }
+  // The robot's joints, without those of its root; and those that follow live values.
+  get robot() {
+    return this.joints.slice(0, this.#way[0] < 0 ? this.joints.length : this.#way[0]);
+  }
+  get live() {
+    return this.robot.flatMap((_, joint) => (this.#ask("is_live", joint) ? [joint] : []));
+  }
+  // The farthest that the limits hold a joint from where its motion has it, rad; 0 unless it plays.
+  get held() {
+    if (this.mode !== "playing") return 0;
+    const aims = new Float32Array(this.#c.memory.buffer, this.#ask("targets"), this.joints.length);
+    return this.robot.reduce((most, _, joint) => Math.max(most, Math.abs(aims[joint] - this.targets[joint])), 0);
   }
 
   // Commands, as `motiondeck send` has them; the answer is 0, or negative if it cannot be done now.
@@ -125,6 +171,14 @@ motiondeck.Player = class {
     const answer = this.#ask(name, ...given);
     if (held && answer === 0) this.paused = false;
     return answer;
+  }
+  // A motion on joints by their numbers, over what else plays; -1 ends it.
+  layer(joints, motion, weight) {
+    return this.#play("layer", bits(joints), motion, weight, 1);
+  }
+  // A joint from -1, its lower limit, over 0 to 1, for some seconds.
+  hold(joint, value, seconds) {
+    return this.#ask("live", joint, value, seconds);
   }
   tempo(factor) {
     return this.#ask("tempo", factor, 0);
@@ -150,6 +204,9 @@ motiondeck.Player = class {
     return this.#ask("reset");
   }
 };
+
+// A bit for each joint.
+const bits = (joints) => joints.reduce((sum, joint) => sum | (1n << BigInt(joint)), 0n);
 
 // The rotation whose forward axis has the first direction, and whose left axis lies towards the second.
 function standing(ahead, left) {

@@ -25,8 +25,10 @@ const unit = (v) => {
   return v.map((part) => part / length);
 };
 
-motiondeck.figureOf = (drawing) => {
+// Of a drawing, in so many times its size.
+motiondeck.figureOf = (drawing, size = 1) => {
   const d = drawing;
+  const sized = (vector) => vector.map((part) => size * part);
   const [SLIDE, HINGE] = [2, 3]; // of mjtJoint
   const bodies = d.body_parentid.map((parent, body) => {
     const own = d.jnt_bodyid.flatMap((of, joint) => (of === body && [SLIDE, HINGE].includes(d.jnt_type[joint]) ? [joint] : []));
@@ -35,20 +37,20 @@ motiondeck.figureOf = (drawing) => {
       const slides = d.jnt_type[joint] === SLIDE;
       return { place, axis: d.jnt_axis[joint], anchor: d.jnt_pos[joint], rest: d.qpos0[place], slides };
     });
-    return { parent: body ? parent : -1, place: d.body_pos[body], turn: d.body_quat[body], joints };
+    return { parent: body ? parent : -1, place: sized(d.body_pos[body]), turn: d.body_quat[body], joints };
   });
   const solids = d.shapes.flatMap((shape, number) => shape.geom.map((geom, k) => ({
     shape: number,
     body: d.geom_bodyid[geom],
-    place: plus(d.geom_pos[geom], turned(d.geom_quat[geom], shape.offset[k])),
+    place: sized(plus(d.geom_pos[geom], turned(d.geom_quat[geom], shape.offset[k]))),
     turn: d.geom_quat[geom],
-    scale: shape.scale[k],
+    scale: sized(shape.scale[k]),
     colour: [...shape.colour[k].map((part) => part / 255), shape.opacity],
   })));
-  solids.sort((one, other) => other.colour[3] - one.colour[3]); // what is seen through is drawn last
   const labels = d.labels.map((text, site) => ({ text, body: d.site_bodyid[site], place: d.site_pos[site] }));
   const [root, start] = [d.jnt_bodyid[0], [d.qpos0.slice(0, 3), d.qpos0.slice(3, 7)]];
-  const moved = { rest: d.qpos0, played: d.hinge_qpos.map((place, k) => [place, d.hinge[k]]), led: d.led };
+  const led = d.led.flat().map(([place, of, ...curve]) => [place, of, curve]);
+  const moved = { led, rest: d.qpos0, played: d.hinge_qpos.map((place, k) => [place, d.hinge[k]]) };
   return { ...moved, bodies, solids, labels: labels.filter(({ text }) => text), shapes: d.shapes, root, start, height: d.height };
 };
 
@@ -80,37 +82,53 @@ motiondeck.placed = (figure, [place, turn], angles) => {
 
 motiondeck.at = ([place, turn], offset) => plus(place, turned(turn, offset));
 
+const AXES = [[1, 0, 0], [0, 1, 0], [0, 0, 1]];
 const SUN = unit([1.2, -1.6, 4]);
+const [STEP, NEARER] = [20, 0.9]; // pixels that an arrow counts as, and by how much a key comes nearer
+const KEYS = {
+  ...{ ArrowLeft: [-STEP, 0, 0], ArrowRight: [STEP, 0, 0], ArrowUp: [0, -STEP, 0], ArrowDown: [0, STEP, 0] },
+  ...{ "+": [0, 0, NEARER], "-": [0, 0, 1 / NEARER] },
+};
 const FAR = 9; // heights of the figure: there the floor has faded into the sky
+const WORDS = 20; // of a solid: its matrix and colour
 const SHADE = `#version 300 es
   precision highp float;
-  uniform mat4 view; uniform mat4 model; uniform vec3 sun; uniform float flat_;
-  in vec3 place; in vec3 normal; out vec3 side; out vec3 spot;
+  uniform mat4 view; uniform vec3 sun; uniform float flat_; uniform highp sampler2D solids;
+  in vec3 place; in vec3 normal; in float solid; out vec3 side; out vec3 spot; flat out vec4 tint;
+  vec4 word(int number) { return texelFetch(solids, ivec2(number, int(solid)), 0); }
   void main() {
+    mat4 model = mat4(word(0), word(1), word(2), word(3));
     vec4 p = model * vec4(place, 1.0);
+    side = normal;
     if (flat_ > 0.0) p.xyz -= sun * (max(p.z, 0.0) - flat_) / sun.z;
-    spot = p.xyz; side = mat3(model) * (normal / vec3(dot(model[0], model[0]), dot(model[1], model[1]), dot(model[2], model[2])));
+    else side = mat3(model) * (normal / vec3(dot(model[0], model[0]), dot(model[1], model[1]), dot(model[2], model[2])));
+    spot = p.xyz;
+    tint = word(4);
     gl_Position = view * p;
   }`;
 const PAINT = `#version 300 es
   precision highp float;
-  uniform vec4 colour; uniform vec3 sun; uniform vec3 eye; uniform float flat_; uniform float far; uniform float cell;
-  uniform vec2 centre; in vec3 side; in vec3 spot; out vec4 shown;
+  uniform vec3 sun; uniform vec3 eye; uniform float flat_; uniform float far; uniform float cell; uniform vec3 tiles[3];
+  uniform vec2 centre; in vec3 side; in vec3 spot; flat in vec4 tint; out vec4 shown;
   void main() {
+    if (cell == 0.0 && flat_ == 0.0) {
+      vec3 n = normalize(side);
+      float light = 0.62 + 0.16 * n.z + 0.42 * max(dot(n, sun), 0.0);
+      shown = vec4(min(tint.rgb * light, 1.0), 1.0) * tint.a;
+      return;
+    }
     float fade = 1.0 - smoothstep(0.3, 1.0, length(spot.xy - eye.xy) / far);
+    shown = vec4(tiles[2], 1.0) * 0.5 * fade;
     if (cell > 0.0) {
       vec2 at = (spot.xy + centre) / cell, wide = fwidth(at);
       vec2 edge = (abs(fract(at * 0.5 - 0.25) - 0.5) - 0.25) / max(wide * 0.5, 1e-6); // soft edges of squares
       vec2 s = clamp(edge, -1.0, 1.0);
       float odd = mix(0.5 - 0.5 * s.x * s.y, 0.5, smoothstep(0.3, 1.0, max(wide.x, wide.y)));
-      shown = vec4(mix(vec3(0.84, 0.86, 0.89), vec3(0.745, 0.78, 0.823), odd), 1.0) * fade;
-    } else if (flat_ > 0.0) shown = vec4(0.227, 0.259, 0.306, 1.0) * 0.5 * fade;
-    else {
-      vec3 n = normalize(side);
-      float light = 0.62 + 0.16 * n.z + 0.42 * max(dot(n, sun), 0.0);
-      shown = vec4(min(colour.rgb * light, 1.0), 1.0) * colour.a;
+      shown = vec4(mix(tiles[0], tiles[1], odd), 1.0) * fade;
     }
   }`;
+// Two colours of tiles and that of shadows, by day and in the dark.
+const TILES = [[0.84, 0.86, 0.89, 0.745, 0.78, 0.823, 0.227, 0.259, 0.306], [0.2, 0.225, 0.26, 0.15, 0.17, 0.2, 0, 0, 0]];
 
 // Without a graphics card each pixel costs time: then edges stay as they are.
 function drawnBySoftware() {
@@ -119,9 +137,10 @@ function drawnBySoftware() {
   return !!about && /swiftshader|llvmpipe|software/i.test(gl.getParameter(about.UNMASKED_RENDERER_WEBGL));
 }
 
-// A picture of the figure on a canvas; `draw` shows it.
+// A picture of figures on a canvas; `draw` shows it. The first one's size is that of the scene, and its labels are seen.
 motiondeck.Scene = class {
-  constructor(canvas, figure) {
+  constructor(canvas, figures) {
+    const [figure] = figures;
     const gl = canvas.getContext("webgl2", { stencil: true, antialias: !drawnBySoftware() });
     if (!gl) throw new Error("this browser has no WebGL 2");
     Object.assign(this, { canvas, figure, gl, yaw: -0.54, pitch: 0.28, away: 2.35, share: 1, centre: [0, 0] });
@@ -133,18 +152,35 @@ motiondeck.Scene = class {
       if (!gl.getShaderParameter(shader, gl.COMPILE_STATUS)) throw new Error(gl.getShaderInfoLog(shader));
       gl.attachShader(program, shader);
     }
-    gl.bindAttribLocation(program, 0, "place");
-    gl.bindAttribLocation(program, 1, "normal");
+    ["place", "normal", "solid"].forEach((name, place) => gl.bindAttribLocation(program, place, name));
     gl.linkProgram(program);
     gl.useProgram(program);
     this.at = {};
-    for (const name of ["view", "model", "eye", "sun", "flat_", "colour", "far", "cell", "centre"])
+    for (const name of ["view", "eye", "sun", "flat_", "far", "cell", "centre", "tiles"])
       this.at[name] = gl.getUniformLocation(program, name);
-    this.meshes = figure.shapes.map((shape) =>
-      this.#upload(new Float32Array(motiondeck.bytes(shape.vertices)), new Uint16Array(motiondeck.bytes(shape.faces))));
+    // All that is alike is drawn at once, as software takes as long to begin a mesh as to draw one: what is solid, then
+    // what is seen through, of one figure after the other.
     const wide = FAR * figure.height;
-    const corners = new Float32Array([-wide, -wide, 0, wide, -wide, 0, wide, wide, 0, -wide, wide, 0]);
-    this.floor = this.#upload(corners, new Uint16Array([0, 1, 2, 0, 2, 3]));
+    const corners = [-wide, -wide, 0, wide, -wide, 0, wide, wide, 0, -wide, wide, 0];
+    this.solids = figures.flatMap(({ shapes, solids }, number) =>
+      solids.map((solid) => ({ ...solid, figure: number, shape: shapes[solid.shape] })));
+    this.solids.sort((one, other) => other.colour[3] - one.colour[3] || one.figure - other.figure);
+    // A figure beside the first one is drawn of few triangles, as shadows are: a human has a hundred round solids.
+    const drawn = (kind) => this.solids.map(({ shape, figure }, number) => {
+      const [vertices, faces] = shape[figure ? "shadow" : kind].map(motiondeck.bytes);
+      return { vertices: new Float32Array(vertices), faces: new Uint16Array(faces), solid: number + 1, figure };
+    });
+    this.floor = this.#upload([{ vertices: corners, faces: [0, 1, 2, 0, 2, 3], solid: 0 }]);
+    this.meshes = this.#upload(drawn("mesh"));
+    this.shadows = this.#upload(drawn("shadow"));
+    this.words = new Float32Array(WORDS * (1 + this.solids.length));
+    [0, 5, 10, 15].forEach((place) => (this.words[place] = 1));
+    this.solids.forEach(({ colour }, number) => this.words.set(colour, WORDS * (number + 1) + 16));
+    gl.bindTexture(gl.TEXTURE_2D, gl.createTexture());
+    for (const filter of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) gl.texParameteri(gl.TEXTURE_2D, filter, gl.NEAREST);
+    gl.texStorage2D(gl.TEXTURE_2D, 1, gl.RGBA32F, WORDS / 4, 1 + this.solids.length);
+    const dark = window.matchMedia("(prefers-color-scheme: dark)");
+    (dark.onchange = () => gl.uniform3fv(this.at.tiles, TILES[+dark.matches]))();
     gl.enable(gl.CULL_FACE);
     gl.enable(gl.BLEND);
     gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
@@ -159,38 +195,48 @@ motiondeck.Scene = class {
     this.#listen();
   }
 
-  // Vertices with the mean direction of the triangles that share them: what is sharp has its corners apart.
-  #upload(vertices, faces) {
+  // Meshes as one: vertices with the mean direction of the triangles that share them (what is sharp has its corners
+  // apart) and with their solid; where those of each figure are.
+  #upload(meshes) {
     const gl = this.gl;
-    const both = new Float32Array(2 * vertices.length);
-    const corner = (number) => vertices.subarray(3 * number, 3 * number + 3);
-    for (let f = 0; f < faces.length; f += 3) {
-      const [a, b, c] = [corner(faces[f]), corner(faces[f + 1]), corner(faces[f + 2])];
-      const [u, v] = [plus(b, a, -1), plus(c, a, -1)];
-      const up = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
-      for (let k = 0; k < 3; k++) for (let axis = 0; axis < 3; axis++) both[6 * faces[f + k] + 3 + axis] += up[axis];
-    }
-    for (let n = 0; n < vertices.length / 3; n++) {
-      both.set(corner(n), 6 * n);
-      both.set(unit([...both.subarray(6 * n + 3, 6 * n + 6)]), 6 * n + 3);
+    const [points, corners, runs] = [[], [], []];
+    for (const { vertices, faces, solid, figure } of meshes) {
+      const first = points.length / 7;
+      const at = (number) => [0, 1, 2].map((axis) => vertices[3 * number + axis]);
+      const ups = Array.from({ length: vertices.length / 3 }, () => [0, 0, 0]);
+      for (let f = 0; f < faces.length; f += 3) {
+        const own = [0, 1, 2].map((k) => faces[f + k]);
+        const [a, b, c] = own.map(at);
+        const [u, v] = [plus(b, a, -1), plus(c, a, -1)];
+        const up = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
+        for (const corner of own) ups[corner] = plus(ups[corner], up);
+      }
+      ups.forEach((up, number) => points.push(...at(number), ...unit(up), solid));
+      if (runs.at(-1)?.figure !== figure || !runs.length) runs.push({ figure, first: corners.length, count: 0 });
+      runs.at(-1).count += faces.length;
+      for (const corner of faces) corners.push(first + corner);
     }
     const array = gl.createVertexArray();
     gl.bindVertexArray(array);
     gl.bindBuffer(gl.ARRAY_BUFFER, gl.createBuffer());
-    gl.bufferData(gl.ARRAY_BUFFER, both, gl.STATIC_DRAW);
+    gl.bufferData(gl.ARRAY_BUFFER, new Float32Array(points), gl.STATIC_DRAW);
     gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, gl.createBuffer());
-    gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, faces, gl.STATIC_DRAW);
-    for (const [index, first] of [[0, 0], [1, 12]]) {
+    gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, new Uint32Array(corners), gl.STATIC_DRAW);
+    [3, 3, 1].forEach((size, index) => {
       gl.enableVertexAttribArray(index);
-      gl.vertexAttribPointer(index, 3, gl.FLOAT, false, 24, first);
-    }
-    return { array, count: faces.length };
+      gl.vertexAttribPointer(index, size, gl.FLOAT, false, 28, 12 * index);
+    });
+    return { array, runs };
   }
 
-  // One finger or button turns, two fingers and the wheel come nearer.
+  // One finger, button or arrow turns, two fingers, the wheel, + and - come nearer.
   #listen() {
     const held = new Map();
     const near = (factor) => (this.away = Math.min(7, Math.max(1, this.away * factor)));
+    const turn = (across, down) => {
+      this.yaw -= 0.008 * across;
+      this.pitch = Math.min(1.5, Math.max(0.02, this.pitch + 0.006 * down));
+    };
     const apart = () => Math.hypot(...[0, 1].map((axis) => [...held.values()].reduce((a, b) => a[axis] - b[axis])));
     this.canvas.onpointerdown = (event) => {
       held.set(event.pointerId, [event.clientX, event.clientY]);
@@ -203,9 +249,15 @@ motiondeck.Scene = class {
       held.set(event.pointerId, [event.clientX, event.clientY]);
       if (before) near(before / Math.max(apart(), 1));
       else {
-        this.yaw -= 0.008 * (event.clientX - x);
-        this.pitch = Math.min(1.5, Math.max(0.02, this.pitch + 0.006 * (event.clientY - y)));
+        turn(event.clientX - x, event.clientY - y);
       }
+    };
+    this.canvas.onkeydown = (event) => {
+      const [across, down, nearer] = KEYS[event.key] ?? [];
+      if (nearer) near(nearer);
+      else if (nearer === 0) turn(across, down);
+      else return;
+      event.preventDefault();
     };
     this.canvas.onpointerup = this.canvas.onpointercancel = (event) => held.delete(event.pointerId);
     this.canvas.onwheel = (event) => {
@@ -250,46 +302,48 @@ motiondeck.Scene = class {
     });
   }
 
-  // Draws the bodies where `placed` has them, seen from the centre that the camera follows.
-  draw(bodies) {
-    const { gl, at, canvas, figure, centre } = this;
+  // Draws the bodies of each figure where `placed` has them, seen from the centre that the camera follows; one without
+  // bodies is not drawn.
+  draw(figures) {
+    const { gl, at, canvas, centre, words } = this;
     const ratio = Math.min(window.devicePixelRatio, 2) * this.share;
     const size = [Math.round(canvas.clientWidth * ratio), Math.round(canvas.clientHeight * ratio)];
     if (!size[0] || !size[1]) return;
     if (canvas.width !== size[0] || canvas.height !== size[1]) [canvas.width, canvas.height] = size;
     gl.viewport(0, 0, ...size);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT | gl.STENCIL_BUFFER_BIT);
-    this.#label(bodies, this.#view());
-    const models = figure.solids.map((solid) => {
-      const [place, turn] = bodies[solid.body];
-      const here = plus(plus(place, turned(turn, solid.place)), [...centre, 0], -1);
+    this.#label(figures[0], this.#view());
+    this.solids.forEach((solid, number) => {
+      const body = figures[solid.figure]?.[solid.body];
+      if (!body) return;
+      const [place, turn] = body;
       const facing = times(turn, solid.turn);
-      const columns = [[1, 0, 0], [0, 1, 0], [0, 0, 1]].map((axis) => turned(facing, axis));
-      return [...columns.flatMap((column, k) => [...column.map((part) => part * solid.scale[k]), 0]), ...here, 1];
+      const first = WORDS * (number + 1);
+      AXES.forEach((axis, k) => words.set(turned(facing, axis).map((part) => part * solid.scale[k]), first + 4 * k));
+      words.set(plus(plus(place, turned(turn, solid.place)), [...centre, 0], -1), first + 12);
+      words[first + 15] = 1;
     });
-    const put = ({ array, count }, model) => {
+    gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, WORDS / 4, words.length / WORDS, gl.RGBA, gl.FLOAT, words);
+    const put = ({ array, runs }) => {
       gl.bindVertexArray(array);
-      gl.uniformMatrix4fv(at.model, false, model);
-      gl.drawElements(gl.TRIANGLES, count, gl.UNSIGNED_SHORT, 0);
+      for (const { figure, first, count } of runs)
+        if (figure === undefined || figures[figure]) gl.drawElements(gl.TRIANGLES, count, gl.UNSIGNED_INT, 4 * first);
     };
     gl.disable(gl.DEPTH_TEST);
     gl.uniform1f(at.flat_, 0);
-    gl.uniform1f(at.cell, figure.height < 1 ? 0.25 : 1);
+    gl.uniform1f(at.cell, this.figure.height < 1 ? 0.25 : 1);
     gl.uniform2fv(at.centre, centre.map((part) => part % 8));
-    put(this.floor, [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]);
+    put(this.floor);
     gl.uniform1f(at.cell, 0);
-    // The same solids, laid on the floor along the sun, are their shadow; the stencil keeps it from being drawn twice.
+    // The same solids, coarser and laid on the floor along the sun, are their shadow; the stencil keeps it from being drawn twice.
     gl.uniform1f(at.flat_, 1e-4);
     gl.enable(gl.STENCIL_TEST);
     gl.stencilFunc(gl.EQUAL, 0, 255);
     gl.stencilOp(gl.KEEP, gl.KEEP, gl.INCR);
-    figure.solids.forEach((solid, number) => put(this.meshes[solid.shape], models[number]));
+    put(this.shadows);
     gl.disable(gl.STENCIL_TEST);
     gl.enable(gl.DEPTH_TEST);
     gl.uniform1f(at.flat_, 0);
-    figure.solids.forEach((solid, number) => {
-      gl.uniform4fv(at.colour, solid.colour);
-      put(this.meshes[solid.shape], models[number]);
-    });
+    put(this.meshes);
   }
 };

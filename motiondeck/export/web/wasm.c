@@ -41,3 +41,24 @@ const float *md_moment(const md_player *p, int motion, float phase) {
 }
 float md_present_tempo(const md_player *p) { return p->tempo; }
 int md_queued(const md_player *p) { return p->queued; }
+int md_is_loop(const md_player *p, int motion) { return (int)motion_row(p->figure, motion)->loop; }
+/* What is left of the difference that fades, from 1 to 0. */
+float md_fade_left(const md_player *p) { return p->fading ? left_of(p->fade, p->elapsed).value : 0.0f; }
+/* The phase at which the next motion will be entered, as far as is known; below 0 while none is looked for. */
+float md_entry_phase(const md_player *p) {
+  const md_motion *m = motion_row(p->figure, p->entering == NONE ? 0 : p->entering);
+  return p->entering == NONE ? -1.0f : (float)p->entry * m->spacing / m->whole;
+}
+/* How much phase is left of the present round. */
+float md_round_left(const md_player *p) { return (p->track.last - p->track.at) / p->track.motion->whole; }
+/* Layers: how many, each one's motion and share, and the number of that of some joints which does not end; or -1. */
+int md_layers(const md_player *p) { return p->layers; }
+int md_layer_motion(const md_player *p, int layer) { return motion_index(p, p->layer[layer].track.motion); }
+float md_layer_share(const md_player *p, int layer) { return p->layer[layer].share.share; }
+int md_layer_of(const md_player *p, uint64_t joints) {
+  for (int k = 0; k < p->layers; k++)
+    if (p->layer[k].joints == joints && p->layer[k].share.goal != 0.0f) return k;
+  return NONE;
+}
+/* Whether a joint follows a live value. */
+int md_is_live(const md_player *p, int joint) { return p->live[joint].active; }

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 from controller.deck.interfaces import JointLimits
+from controller.deck.motion_generator import MotionGenerator
 from controller.learning.trainers.clip import fitted_keys
 from controller.library.motion_library import MotionLibrary, load_library, save_library
 from controller.motion.encodings.robot_joints import RobotJoints
@@ -23,7 +24,7 @@ from controller.networks.keys import Keys
 from controller.wire.messages.commands import EmergencyStop, Jump, Pause, Queue, Reset, Resume, SetTempo, Switch
 from motiondeck.export.golden import deck_trace
 from motiondeck.export.source import open_figure
-from motiondeck.export.web_page import copy_player, drawn_figure, write_page
+from motiondeck.export.web_page import copy_player, drawn_figure, drawn_human, write_page
 from motiondeck_base.shipped import find_library, find_robot
 from sim.models.joint_layout import JointLayout
 from sim.robots.robot import load_robot
@@ -77,7 +78,7 @@ def robot(library):
 @pytest.fixture(scope="module")
 def exported(library, robot, tmp_path_factory):
     folder = tmp_path_factory.mktemp("page")
-    return folder, write_page(folder, library, robot, RATE)
+    return folder, write_page(folder, library, robot, RATE, groups={"head": robot.joints[:2]})
 
 
 @pytest.fixture(scope="module")
@@ -147,7 +148,76 @@ def test_keys_buttons_and_the_state_line(browser, address):
     page.wait_for_function("document.querySelector('#state b').textContent === 'HELD'")
     page.locator(".play").nth(0).click()
     page.wait_for_function("document.querySelector('#state b').textContent === 'PLAYING'", timeout=60000)
+    page.locator("#pause").focus()
+    page.keyboard.press("Space")  # presses the button, and no more
+    page.wait_for_function("document.querySelector('#state b').textContent === 'PAUSED'")
     page.close()
+
+
+def test_layers_single_joints_and_the_ring(browser, address):
+    page = browser.new_page()
+    page.goto(address)
+    page.wait_for_function("motiondeck.page?.frames > 1")
+    player, passed = "motiondeck.page.player", "motiondeck.page.player.advance(4)"
+    page.evaluate(passed)  # the approach
+    page.locator("summary").click()
+    page.locator("#over").select_option("turn")
+    page.evaluate(passed)
+    [[motion, share]] = page.evaluate(f"{player}.layers")
+    assert (motion, share) == (1, 1.0)
+    page.locator("#over").select_option("nothing")
+    page.evaluate(passed)
+    assert page.evaluate(f"{player}.layers") == []
+    before = page.evaluate(f"{player}.targets[0]")
+    page.locator("#value").press("End")
+    page.evaluate(passed)
+    assert page.evaluate(f"[{player}.live.join(), {player}.targets[0] > {before} + 0.5]") == ["0", True]
+    page.wait_for_function("!document.getElementById('release').disabled", timeout=60000)
+    page.locator("#release").click()
+    page.evaluate(passed)
+    assert page.evaluate(f"{player}.live") == []
+    page.evaluate("motiondeck.page.player.jump = (phase) => (window.jumped = phase)")
+    ring = page.locator("#ring")
+    ring.scroll_into_view_if_needed()
+    box = ring.bounding_box()
+    page.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 6)
+    page.mouse.down()
+    page.mouse.move(box["x"] + box["width"] - 6, box["y"] + 0.5 * box["height"])
+    assert page.evaluate("window.jumped ?? null") is None  # it only aims
+    page.mouse.up()
+    assert abs(page.evaluate("window.jumped") - 0.25) < 0.01
+    page.close()
+
+
+HUMAN = """([drawing, motions, course]) => {
+  const human = new motiondeck.Human(drawing, motiondeck.page.figure, motions, [true, false]);
+  const shown = course.map((one) => human.bodies(one, [[3, 5, 0], [1, 0, 0, 0]], 0));
+  return [human.size, human.aside, ...shown.map((bodies) => human.figure.bodies.map((_, body) => bodies[body][0]))];
+}"""
+
+
+def test_human_stands_beside_the_robot_as_the_library_has_it(open_page):
+    library = load_library(find_library("thesis15"))
+    skeleton, rate, motions = library.skeleton, library.info.rate, ["walk", "standup"]
+    drawing, expected, course = drawn_human(library, motions), [], []
+    for playing, frame in ((0, 0), (0, 91), (0, 244), (1, 172), (1, 344)):
+        info = library.info.motions[[one.name for one in library.info.motions].index(motions[playing])]
+        frames = MotionGenerator(library, info.name).frames(info.frames / rate, rate)
+        posture = library.encoding.decode(frames)
+        phase = frame / (info.frames - playing)
+        ends = skeleton.joints(np.zeros(3), posture.rotation[frame])
+        expected.append(np.array([ends[1 + parent] for parent in skeleton.parent]))
+        course.append({"playing": playing, "phase": phase, "fade": 0.0})
+    course += [{"playing": 0, "phase": 0.2, "fade": fade} for fade in (0.9, 0.0)]  # a fade begins where it was
+    size, aside, *shown = open_page.evaluate(HUMAN, [drawing, motions, course])
+    places = np.array(shown)[:, drawing["turned"]]
+    bones = (places[:, 1:] - places[:, :1]) / size
+    assert np.abs(bones[:5] - np.array(expected)).max() < 0.015  # m, between samples
+    assert np.allclose(places[5], places[4], atol=1e-6)
+    assert np.abs(places[6] - places[4]).max() > 0.1 * size
+    assert np.allclose(places[:, 0, :2], [3.0, 5.0 - aside])
+    lowest = np.array(shown)[:4, drawing["turned"], 2].min(axis=1) / size
+    assert ((lowest > -0.05) & (lowest < 0.2)).all()
 
 
 SCRIPTED = """async ([script, ticks]) => {
