@@ -10,7 +10,7 @@ import viser
 from controller.wire.command_socket import CommandClient
 from controller.wire.messages import commands as say
 from controller.wire.messages.arguments import TEMPO
-from controller.wire.messages.command_table import BY_WORD
+from controller.wire.messages.command_table import BY_WORD, parse_command
 from controller.wire.messages.commands import SIDES, DeckCommand, Side
 from controller.wire.messages.deck_snapshot import DeckSnapshot
 from controller.wire.messages.replies import Event, Refused
@@ -20,6 +20,7 @@ from motiondeck.page.event_looks import LOOKS, ROUTINE
 from motiondeck.page.figures import loop_figures, recognition_text
 from motiondeck.page.ghost import WAYS
 from motiondeck.page.motions.motion_controls import MotionControls
+from motiondeck.page.operate import Operate, deck_buttons, deck_cues
 from motiondeck.page.scene import CAMERAS
 from motiondeck.page.web.page_state import PageDescription
 from motiondeck.page.web.page_style import CURRENT, QUIET, STOPS, STYLE
@@ -67,7 +68,6 @@ HAND_ON = 1.0  # a hand on a slider keeps it for so long before the deck's own v
 
 PANEL_WIDTH = 332  # pixels
 STEP = 1.0 / 30.0  # s, of a step; a tick alone is hardly to be seen
-STEPS = "The motion goes on for 1/30 s."
 
 DIGITS = ("1", "2", "3", "4", "5", "6", "7", "8", "9")  # keys for the first motions
 
@@ -95,10 +95,16 @@ class Panel:
         gui.add_html(STYLE)
         self.parts = PageParts(page)
         self._notices = Notices(self.parts)
+        tempo, groups = (
+            [TEMPO.lowest if about.has_phase else 0.0, TEMPO.highest],
+            about.groups if about.library_file else [],
+        )
+        fixed = {"motions": self._motions, "verdicts": about.verdicts, "groups": groups, "tempo": tempo}
+        self._operate, self._layers = Operate(self.parts, fixed, self.send), ""
         # What happens and how to stop it stand first, so that they are visible in a small window too.
         self._line = gui.add_html("")
         icons, helps = viser.Icon, {word: command.help for word, command in BY_WORD.items()}
-        stop, pause, step = f"{helps['estop']} Key: Esc.", f"{helps['pause']} Key: space.", f"{STEPS} Key: S."
+        stop, pause, step = f"{helps['estop']} Key: Esc.", f"{helps['pause']} Key: space.", "A moment on. Key: S."
         self._estop = gui.add_button("Emergency stop", icon=icons.ALERT_OCTAGON, color=STOPS, hint=stop)
         self._estop.on_click(self._stop_or_ask)
         self._pause = gui.add_button("Pause", icon=icons.PLAYER_PAUSE, color=QUIET, hint=pause)
@@ -110,13 +116,13 @@ class Panel:
         self._step = gui.add_button("Step", icon=icons.PLAYER_SKIP_FORWARD, color=QUIET, disabled=True, hint=step)
         self._step.on_click(lambda _: self.send(say.StepOn(seconds=STEP)))
         self.motion_controls = MotionControls(self.parts, about, self.send)
-        lowest = TEMPO.lowest if about.has_phase else 0.0
-        marks = tuple((at, f"{at:g}") for at in (lowest, 1.0, TEMPO.highest))
-        self._tempo = gui.add_slider("tempo", lowest, TEMPO.highest, step=0.05, initial_value=1.0, marks=marks)
+        marks = tuple((at, f"{at:g}") for at in (tempo[0], 1.0, tempo[1]))
+        self._tempo = gui.add_slider("tempo", *tempo, step=0.05, initial_value=1.0, marks=marks)
         self._tempo.on_update(self._tempo_moved)
         self._tap = self._add_tap() if about.has_phase else None
-        if about.groups and about.library_file:
-            self._add_layers(about.groups)
+        if groups:
+            with gui.add_folder("layer", expand_by_default=False):
+                gui.add_html('<div class="part" data-part="layers" data-of="operate"></div>')
         if (about.live or about.gazes) and about.library_file:
             with gui.add_folder("live values", expand_by_default=False):
                 fixed = {"groups": about.live, "gaze": about.gazes}
@@ -130,21 +136,6 @@ class Panel:
         self._add_keys()
         controls = {"tempo": self._tempo, "pause": self._pause, "home": self._home, "beat": self._tap}
         self._controls = [(control, BY_WORD[word]) for word, control in controls.items() if control is not None]
-
-    def _add_layers(self, groups: list[str]) -> None:
-        gui = self._page.gui
-        with gui.add_folder("layer", expand_by_default=False):
-            group = gui.add_dropdown("joints", groups, hint=BY_WORD["layer"].help)
-            motion = gui.add_dropdown("motion", self._motions)
-            weight = gui.add_slider("weight", min=0.05, max=1.0, step=0.05, initial_value=1.0)
-            deeds = gui.add_button_group("", ("play", "off", "all off"))
-
-        @deeds.on_click
-        def _(_: viser.GuiEvent) -> None:
-            if deeds.value == "play":
-                self.send(say.Layer(str(group.value), str(motion.value), float(weight.value)))
-            else:
-                self.send(say.Layer(str(group.value) if deeds.value == "off" else "off"))
 
     def _follow_hand(self, said: Any, _: viser.GuiEvent) -> None:
         match said:
@@ -185,7 +176,10 @@ class Panel:
     def show(self, now: DeckSnapshot) -> None:
         """Brings buttons, slider and figures up to date."""
         self._state = now
-        self._line.content = state_line(now).as_html()
+        tempo = round(now.commanded_tempo, 2)
+        self._line.content = self._operate.show(
+            state_line(now), deck_buttons(now), deck_cues(now), tempo=tempo, layers=self._layers
+        )
         self._notices.show()
         self.motion_controls.show(now)
         self._pause.label = "Resume" if now.paused else "Pause"
@@ -195,7 +189,6 @@ class Panel:
         self._estop.color = CURRENT if self._stopped else STOPS
         for control, command in self._controls:
             control.disabled = now.mode not in command.modes
-        tempo = round(now.commanded_tempo, 2)
         if abs(tempo - self._tempo.value) > 0.024 and time.monotonic() - self._moved > HAND_ON:
             self._tempo.value = min(max(tempo, self._tempo.min), self._tempo.max)
         self._health.content = loop_figures(now)
@@ -204,6 +197,8 @@ class Panel:
 
     def show_event(self, event: Event) -> None:
         """Shows an event that nothing else on the page shows."""
+        if event.kind == "layer":
+            self._layers = event.text
         if (look := LOOKS.get(event.kind, ROUTINE)).title:
             self._notices.add(look.title, event.text, alarming=look.alarming)
 
@@ -220,7 +215,7 @@ class Panel:
 
     def end(self, reason: str) -> None:
         """Shows that the run has ended, and why; nothing can be commanded any more."""
-        self._line.content = ended_line(reason).as_html()
+        self._line.content = self._operate.show(ended_line(reason), [])
         self.motion_controls.end()
         for control, _ in self._controls:
             control.disabled = True
@@ -243,11 +238,12 @@ class Panel:
             self._moved = time.monotonic()
             self.send(say.SetTempo(factor=float(self._tempo.value)))
 
-    def send(self, message: DeckCommand) -> None:
-        """Sends a command and shows a refusal on the page; an emergency stop waits for no other command."""
+    def send(self, message: DeckCommand | list[str]) -> None:
+        """Sends a command, perhaps as typed, and shows a refusal; an emergency stop waits for no other command."""
         self._before()
         try:
-            reply = self._commands.request(message, timeout_s=ANSWER_WITHIN)
+            command = parse_command(message) if isinstance(message, list) else message
+            reply = self._commands.request(command, timeout_s=ANSWER_WITHIN)
             refusal = reply.reason if isinstance(reply, Refused) else ""
         except MotiondeckError as error:
             refusal = str(error)

@@ -64,6 +64,7 @@ class Past:
                 self._frame.show(client, {"back": max(round(now - moment), 1), "seconds": SECONDS})
             elif self._drawn.pop(number, None) is not None:
                 _clear(client)
+                self._bodies.scene.suit(client)
                 self._frame.show(client, {"back": 0, "seconds": SECONDS})
 
     def _draw(self, client: viser.ClientHandle, picture: Picture, view: View, centre: Array) -> None:

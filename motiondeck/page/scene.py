@@ -1,5 +1,6 @@
 """The scene of the page: the robot, its shadow and the floor it walks on."""
 
+from collections.abc import Sequence
 from copy import copy
 from typing import Self
 
@@ -9,14 +10,13 @@ import viser
 from numpy.typing import NDArray
 
 from controller.motion.rotations import Array, conjugate, multiply
-from motiondeck.page.body.drawn_model import DrawnModel
+from motiondeck.page.body.drawn_model import DrawnModel, linear
 from motiondeck.page.web.private_page import PrivatePage
 from sim.models.scenery import LABEL, body_height
 
-ZENITH, HORIZON = (214, 225, 238), (242, 245, 248)
-# On its way through the lights of the scene this comes out as the colour of the horizon.
-FOG = (226, 232, 239)
-FLOOR = (214, 220, 228), (190, 199, 210)
+# Of zenith and horizon, and of the floor's squares; in a browser that is dark, and otherwise.
+DARK = ((14, 17, 21), (40, 45, 52)), ((52, 58, 66), (42, 47, 54))
+LIGHT = ((214, 225, 238), (242, 245, 248)), ((214, 220, 228), (190, 199, 210))
 SQUARES = 36
 # Where one looks from, in heights of the robot that faces +x, and the height that one looks at.
 CAMERAS = {
@@ -64,15 +64,14 @@ class Scene:
         scene = page.scene
         scene.set_up_direction("+z")
         # Cheap enough for a browser without a graphics card: two lights, one shadow, no environment map and no grid.
-        scene.set_background_image(_sky(), format="png")
-        scene.configure_fog(near=3.0 * height, far=9.0 * height, color=FOG)
         scene.configure_default_lights(enabled=False)
         scene.configure_environment_map(None)
         scene.add_light_hemisphere("/light/sky", sky_color=(255, 255, 255), ground_color=(150, 155, 165), intensity=2.4)
         scene.add_light_directional("/light/sun", intensity=2.6, position=(1.2 * height, -1.6 * height, 4.0 * height))
         self._floor = scene.add_frame("/floor", show_axes=False)
-        for parity, colour in enumerate(FLOOR):
-            scene.add_mesh_simple(f"/floor/{parity}", *_tiles(self._cell, parity), color=colour, flat_shading=True)
+        self._surround(scene, dark=False)
+        page.suit = self.suit
+        self._suited: dict[int, tuple[bool, bool]] = {}  # by browser: whether it is dark, and sees the scene as a whole
         self.robot = DrawnModel(page, model, height)
         self.data = self.robot.data  # MuJoCo's state of the robot as it is shown
         self._rest = self.data.xquat[1].copy()
@@ -84,8 +83,38 @@ class Scene:
 
         @page.on_client_connect
         def _(client: viser.ClientHandle) -> None:
-            if client.camera.aspect < PHONE:
-                self.look_from(client, USUAL)
+            was = [False]
+
+            @client.camera.on_update
+            def turned(camera: viser.CameraHandle) -> None:
+                if self._is_narrow(client) != was[0]:
+                    was[0] = not was[0]
+                    self.look_from(client, USUAL)
+
+            turned(client.camera)
+
+    def _is_narrow(self, client: viser.ClientHandle) -> bool:
+        return client.camera.aspect < PHONE and not self._suited.get(client.client_id, (False, False))[1]
+
+    def suit(self, client: viser.ClientHandle, look: tuple[bool, bool] | None = None) -> None:
+        """Draws for one browser, dark or not, with the scene seen as a whole or behind a sheet; else as before."""
+        was_dark, was_whole = was = self._suited.get(client.client_id, (False, False))
+        self._suited[client.client_id] = dark, whole = look or was
+        if dark or was_dark:
+            self._surround(client.scene, dark=dark)
+            for whose in ("", " follower", " human"):  # a shadow would be brighter than a dark floor
+                client.scene.add_frame(f"/shadow{whose}", show_axes=False, visible=not dark)
+        if whole != was_whole:
+            self.look_from(client, USUAL)
+
+    def _surround(self, scene: viser.SceneApi, *, dark: bool) -> None:
+        """Draws sky, fog and floor, for all browsers or for one."""
+        (zenith, horizon), floor = DARK if dark else LIGHT
+        fog = tuple(linear(np.array(horizon)).tolist())  # it comes out of the lights as the horizon
+        scene.set_background_image(_sky(zenith, horizon), format="png")
+        scene.configure_fog(near=3.0 * self.height, far=9.0 * self.height, color=fog)
+        for parity, colour in enumerate(floor):
+            scene.add_mesh_simple(f"/floor/{parity}", *_tiles(self._cell, parity), color=colour, flat_shading=True)
 
     def twin(self, client: viser.ClientHandle) -> Self:
         """The robot on its floor for one browser, which sees it in place of this one."""
@@ -107,7 +136,7 @@ class Scene:
         What is drawn beside the robot stands where the usual one sees it.
         """
         place, aim = self._camera(way, facing(self.data.xquat[1], self._rest) if way != USUAL else 0.0)
-        if client.camera.aspect < PHONE:
+        if self._is_narrow(client):
             down = np.array([0.0, 0.0, PHONE_LOWER * self.height]) if way != "top" else np.zeros(3)
             place, aim = aim + PHONE_DISTANCE * (place - aim) - down, aim - down
         with client.atomic():
@@ -142,8 +171,8 @@ def _tiles(cell: float, parity: int) -> tuple[NDArray[np.float32], NDArray[np.ui
     return np.column_stack([flat, np.zeros(len(flat))]).astype(np.float32), faces.astype(np.uint32)
 
 
-def _sky(height: int = 256) -> NDArray[np.uint8]:
+def _sky(zenith: Sequence[int], horizon: Sequence[int], height: int = 256) -> NDArray[np.uint8]:
     """A picture (height, 2, 3): the colour of the horizon, and above its middle up to that of the zenith."""
     up = np.clip(np.linspace(1.0, -1.0, height), 0.0, 1.0)[:, None, None]
-    horizon, zenith = (np.array(colour, dtype=np.float64) for colour in (HORIZON, ZENITH))
-    return np.broadcast_to(horizon + (zenith - horizon) * up, (height, 2, 3)).astype(np.uint8)
+    mixed = up * np.array(zenith) + (1.0 - up) * np.array(horizon)
+    return np.broadcast_to(mixed, (height, 2, 3)).astype(np.uint8)

@@ -11,7 +11,7 @@ from controller.motion.rotations import Array
 from controller.wire.messages.commands import DeckCommand, Push
 from motiondeck.page.body.drawn_model import DrawnModel
 
-COLOUR = (201, 42, 42)
+COLOUR = (12, 133, 153)
 REACH = 0.3  # heights of the robot: so long a drag is a push that a body has to step against
 LEAST, MOST = 0.1, 3.0  # of that push: what is less is a slip of the hand
 ARROW = "/push"

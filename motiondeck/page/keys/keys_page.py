@@ -19,7 +19,7 @@ from motiondeck.page.clip_page import Playhead, draw
 from motiondeck.page.figures import BAD
 from motiondeck.page.keys.draft import Draft
 from motiondeck.page.scene import Scene
-from motiondeck.page.web.page_style import STOPS
+from motiondeck.page.web.page_style import QUIET
 from motiondeck.page.web.parts import PageParts, ask
 from motiondeck.page.web.private_page import PrivatePage, served
 from motiondeck_base.errors import MotiondeckError
@@ -159,7 +159,7 @@ class KeysPage:
         self._hear(gui.add_button("Save"), lambda _: self._say(draft.save()))
         self._learn = gui.add_button_group("learn and play", ("emulated", "on the rig"), hint="Saves the keys first")
         self._hear(self._learn, self._learn_and_play)
-        self._stop = gui.add_button("Stop playing", color=STOPS, hint="Ends the run; its joints come to rest")
+        self._stop = gui.add_button("Stop playing", color=QUIET, hint="Ends the run; its joints come to rest")
         self._hear(self._stop, lambda _: rehearsal.stop())
         parts = PageParts(page)
         heard = partial(self._do, self._hear_strip)

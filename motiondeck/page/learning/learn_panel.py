@@ -18,7 +18,6 @@ from controller.wire.messages.commands import LoadLibrary
 from motiondeck.page.learning.learning_process import Learned, LearningStep, LearnRequest, News, NotLearned, Seen, work
 from motiondeck.page.web.parts import Ask, PageParts
 from motiondeck.page.web.private_page import PrivatePage
-from motiondeck.page.web.state_line import FAULT
 from motiondeck.page.web.stick_figure import curves_svg, figure_svg
 from motiondeck_base.files import shortened
 
@@ -135,7 +134,7 @@ class LearnPanel:
             widget.visible = visible
 
     def _say(self, text: str, *, wrong: bool = False) -> None:
-        colour = f"color:{FAULT};font-weight:600" if wrong else ""
+        colour = "color:var(--fault);font-weight:600" if wrong else ""
         self._said.content = f'<div class="part" id="learning" style="{colour}">{html.escape(text)}</div>'
 
 

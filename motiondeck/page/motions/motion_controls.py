@@ -92,9 +92,8 @@ class MotionControls:
         self._motions, self._has_phase, self._send = about.motions, about.has_phase, send
         self._state = DeckSnapshot(motion="")
         self._touched = 0.0
-        self.pictures: dict[
-            str, str
-        ] = {}  # SVG by motion, empty until known; none for joints that were taught to a rig
+        # SVG by motion, empty until known; none for joints that were taught to a rig.
+        self.pictures: dict[str, str] = {}
         self.blends: dict[str, Partners] = {}  # by motion, what it can be blended with
         if about.library_file:
             Thread(target=self._look_into, args=(Path(about.library_file), about.direct), daemon=True).start()

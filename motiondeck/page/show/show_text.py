@@ -2,7 +2,8 @@
 
 import html
 
-from motiondeck.page.web.state_line import AMBER, BLUE, GREEN, GREY, RED, VIOLET, StateLine
+from motiondeck.page.operate import CueRow
+from motiondeck.page.web.state_line import AMBER, BLUE, FAULT, GREEN, GREY, RED, VIOLET, StateLine
 from motiondeck.shows.messages import ClockHealth, DeckHealth
 from motiondeck.shows.show_file import ShowCue
 from motiondeck.shows.show_state import DeckRow, ShowState
@@ -36,7 +37,7 @@ def show_line(state: ShowState) -> StateLine:
 def silent_line(show: str, seconds: float) -> StateLine:
     """The line while the conductor says nothing."""
     remedy = "stop all decks with: motiondeck conduct --stop" if show else "it is starting"
-    return StateLine("NO ANSWER", f"of the conductor for {seconds:.0f} s", remedy, RED if show else GREY)
+    return StateLine("NO ANSWER", f"of the conductor for {seconds:.0f} s", remedy, FAULT if show else GREY)
 
 
 def deck_cards(state: ShowState) -> str:
@@ -47,8 +48,17 @@ def deck_cards(state: ShowState) -> str:
 
 def cue_table(state: ShowState) -> str:
     """The cue list, with the present cue and the next one marked, as HTML."""
-    rows = "".join(_cue_row(state, number, cue) for number, cue in enumerate(state.cues))
+    rows = "".join(
+        f'<tr class="{row[0]}">' + "".join(f"<td>{html.escape(cell)}</td>" for cell in row) + "</tr>"
+        for row in (_cue(state, *numbered) for numbered in enumerate(state.cues))
+    )
     return f'<table id="cues">{rows}</table>'
+
+
+def cue_rows(state: ShowState) -> list[CueRow]:
+    """The cue list in big letters: when each comes, and what it says to whom."""
+    rows = (_cue(state, *numbered) for numbered in enumerate(state.cues))
+    return [CueRow(mark, name or f"cue {no}", f"{when} · {to}: {said}") for mark, no, name, when, to, said in rows]
 
 
 def _at(state: ShowState, stop: str) -> list[str]:
@@ -67,7 +77,7 @@ def _when_next(cue: ShowCue, seconds: float | None) -> str:
 
 
 def _card(deck: DeckRow) -> str:
-    word, colour = _doing(deck)
+    word, colour = doing(deck)
     lines = [" · ".join(what for what in (deck.robot, deck.library, deck.host) if what)]
     if deck.health is not None:
         lines += [_phase(deck.health), _clock(deck.health.clock), f"heard {max(deck.heard_ago, 0.0):.1f} s ago"]
@@ -76,22 +86,23 @@ def _card(deck: DeckRow) -> str:
     problem = deck.health.problem if deck.health is not None else ""
     said = "".join(f"<div>{html.escape(line)}</div>" for line in lines if line)
     said += f'<div class="problem">last problem: {html.escape(problem)}</div>' if problem else ""
-    title = f'<b>{html.escape(deck.name)}</b><strong style="color:{colour}">{html.escape(word)}</strong>'
+    title = f'<b>{html.escape(deck.name)}</b><strong style="background:{colour}">{html.escape(word)}</strong>'
     return f'<div style="border-color:{colour}">{title}{said}</div>'
 
 
-def _doing(deck: DeckRow) -> tuple[str, str]:
+def doing(deck: DeckRow) -> tuple[str, str]:
+    """What a deck does, and the colour of that."""
     health = deck.health
     if not deck.here:
-        return ("GONE", RED) if deck.losses else ("not here yet", AMBER)
+        return ("GONE", FAULT) if deck.losses else ("not here yet", AMBER)
     if health is None:
         return "says nothing yet", AMBER
     if health.mode == "emergency stop":
         return "EMERGENCY STOP", RED
     if deck.stop == "not reached":
-        return "STOP NOT REACHED", RED
+        return "STOP NOT REACHED", FAULT
     if deck.heard_ago > SILENT_AFTER:
-        return f"SILENT for {deck.heard_ago:.0f} s", RED
+        return f"SILENT for {deck.heard_ago:.0f} s", FAULT
     if health.mode != "playing":
         return health.mode, AMBER if health.mode == "held" else GREY
     if health.paused:
@@ -113,10 +124,9 @@ def _clock(clock: ClockHealth | None) -> str:
     return f"clock {offset} ± {clock.uncertainty_ms:.2f} ms, drift {clock.drift_ppm:+.0f} ppm"
 
 
-def _cue_row(state: ShowState, number: int, cue: ShowCue) -> str:
+def _cue(state: ShowState, number: int, cue: ShowCue) -> tuple[str, str, str, str, str, str]:
     mark = "now" if number == state.present else "next" if number == state.upcoming else ""
     when = f"{cue.at:g} s" if cue.at is not None else "at Go" if cue.hold else f"when {CONDITIONS[cue.when or 'here']}"
     said = "; ".join([cue.say] if isinstance(cue.say, str) else cue.say)
     step = "" if cue.in_step is False else ", in step"
-    cells = (mark, str(number + 1), cue.name, when, ", ".join(cue.receivers), said + step)
-    return f'<tr class="{mark}">' + "".join(f"<td>{html.escape(cell)}</td>" for cell in cells) + "</tr>"
+    return mark, str(number + 1), cue.name, when, ", ".join(cue.receivers), said + step

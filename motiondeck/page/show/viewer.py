@@ -14,14 +14,18 @@ from pathlib import Path
 import msgspec
 import viser
 
-from motiondeck.page.show.show_text import ENDED, cue_table, deck_cards, show_line, silent_line
-from motiondeck.page.web.page_style import NOTICE_SECONDS, QUIET, STOPS, STYLE, style_in
+from motiondeck.page.alarms import Notices
+from motiondeck.page.operate import CommandButton, Operate
+from motiondeck.page.show.show_text import ENDED, cue_rows, cue_table, deck_cards, doing, show_line, silent_line
+from motiondeck.page.web.page_style import QUIET, STOPS, STYLE, style_in
+from motiondeck.page.web.parts import PageParts
 from motiondeck.page.web.private_page import PrivatePage, served
 from motiondeck.shows.show_state import ShowNotice, ShowState
 from motiondeck_base.errors import MotiondeckError
 
 WIDTH = 760  # pixels
 GO = (43, 138, 62)
+BUTTONS = [CommandButton("Go", [["go"]]), CommandButton("Hold", [["hold"]])]
 SHOW_STYLE = style_in(Path(__file__).with_name("show.css"))
 
 
@@ -29,11 +33,13 @@ class ShowView:
     """All that is on the page of a show; `say` sends a word to the conductor, and raises an OSError if it is gone."""
 
     def __init__(self, page: PrivatePage, say: Callable[[str], object]) -> None:
-        self._page, self._say = page, say
+        self._say = say
         gui = page.gui
         gui.main_panel.dock_right()
         gui.main_panel.set_width(WIDTH)
         gui.add_html(STYLE + SHOW_STYLE)
+        parts = PageParts(page)
+        self._notices, self._operate = Notices(parts), Operate(parts, {}, lambda words: self.say(words[0]))
         self._line = gui.add_html("")
         icons = viser.Icon
         stop = gui.add_button("Emergency stop", icon=icons.ALERT_OCTAGON, color=STOPS, hint="Of all decks. Key: Esc.")
@@ -57,23 +63,23 @@ class ShowView:
     def show(self, state: ShowState) -> None:
         """Shows how the show stands."""
         self._show = state.show
-        self._line.content = show_line(state).as_html()
+        decks = [(deck.name, *doing(deck)) for deck in state.decks]
+        self._line.content = self._operate.show(show_line(state), BUTTONS, cue_rows(state), decks=decks)
+        self._notices.show()
         self._decks.content = deck_cards(state)
         self._cues.content = cue_table(state)
 
     def silent(self, seconds: float) -> None:
         """Shows that the conductor has been silent for some seconds."""
-        self._line.content = silent_line(self._show, seconds).as_html()
+        self._line.content = self._operate.show(silent_line(self._show, seconds), BUTTONS)
 
     def notify(self, text: str, *, alarming: bool = False) -> None:
         """Shows a notice in every browser."""
-        colour = "red" if alarming else "blue"
-        for client in self._page.get_clients().values():
-            client.add_notification("Show", text, auto_close_seconds=NOTICE_SECONDS, color=colour)
+        self._notices.add("Show", text, alarming=alarming)
 
     def end(self) -> None:
         """Shows that the conductor is gone; nothing can be said any more."""
-        self._line.content = ENDED.as_html()
+        self._line.content = self._operate.show(ENDED, [])
         for button in self._buttons.values():
             button.disabled = True
 

@@ -14,7 +14,7 @@ import viser
 
 from controller.wire.messages.commands import DeckCommand
 from motiondeck.page.web.page_style import CURRENT, QUIET
-from motiondeck.page.web.private_page import PrivatePage
+from motiondeck.page.web.private_page import THEME, PrivatePage
 
 Send = Callable[[DeckCommand], None]
 Then = DeckCommand | Callable[[], None]
@@ -80,15 +80,16 @@ class PageParts:
 
     def __init__(self, page: PrivatePage) -> None:
         """Puts the scripts on the page; call it where a hidden line of the panel does not matter."""
-        self._gui = page.gui
-        self._heard: dict[str, Heard] = {}
+        self._gui, self._page = page.gui, page
+        self._heard: dict[str, Heard] = {"views": self._view}
         scripts = [(SCRIPTS / "parts.js").read_text("utf-8")]
         scripts += [file.read_text("utf-8") for file in sorted(SCRIPTS.glob("*.js")) if file.name != "parts.js"]
         styles = "".join(file.read_text("utf-8") for file in sorted(SCRIPTS.glob("*.css")))
         # A script in HTML that is inserted does not run; a picture that cannot be loaded runs its error handler.
         start = "const s=document.createElement('script');s.textContent=this.nextElementSibling.textContent;"
         self._gui.add_html(
-            f'<style>{styles}</style><div id="{_EVENTS}" hidden><img src="data:," onerror="{start}'
+            f'<style>{styles}</style><div data-part="views" data-state-of="views" data-state="0" id="views"></div>'
+            f'<div id="{_EVENTS}" hidden><img src="data:," onerror="{start}'
             f'document.head.append(s)"><pre>{html.escape(chr(10).join(scripts), quote=False)}</pre></div>'
         )
         self._events = self._gui.add_text("events of own parts", "")
@@ -105,6 +106,13 @@ class PageParts:
         if heard is not None:
             self._heard[name] = heard
         return Part(name, self._gui.add_html(""))
+
+    def _view(self, said: Any, event: viser.GuiEvent) -> None:
+        """Suits widgets and scene to a browser that is dark or light, and has a panel over its scene or not."""
+        match said:
+            case {"dark": bool(dark), "whole": bool(whole)} if event.client is not None:
+                event.client.gui.configure_theme(**THEME, dark_mode=dark)
+                self._page.suit(event.client, (dark, whole))
 
     def _hear(self, event: viser.GuiEvent) -> None:
         # What this program sets reports no client.

@@ -30,6 +30,7 @@ from motiondeck_base.socket_owners import owner_of_connection
 
 LOOPBACK = "127.0.0.1"
 LAST_WORD = 1.2  # s for a browser to get the end
+THEME: dict[str, Any] = {"show_share_button": False, "show_logo": False, "brand_color": CURRENT}
 _HTTP = 80  # the port that browsers leave out
 
 
@@ -52,7 +53,8 @@ class PrivatePage(viser.ViserServer):
             # viser moves on to the next free port when it loses a race for this one.
             self.stop()
             raise MotiondeckError(_taken(port))
-        self.gui.configure_theme(show_share_button=False, show_logo=False, brand_color=CURRENT)
+        self.gui.configure_theme(**THEME)
+        self.suit: Callable[[viser.ClientHandle, tuple[bool, bool]], None] = lambda *_: None  # see `Scene.suit`
         # Sharing is off three times: no button, no handler for a crafted message, no method to call.
         for request in (viser._messages.ShareUrlRequest, viser._messages.ShareUrlDisconnect):
             self._websock_server.unregister_handler(request)

@@ -85,7 +85,7 @@ def test_one_notice_covers_neither_body_nor_stop_and_is_acknowledged_in_all_brow
             page = browser.new_page(viewport={"width": width, "height": height})
             pages.append(page)
             page.set_default_timeout(1000.0 * PATIENCE)
-            page.goto(coarse(f"http://127.0.0.1:{port}"))
+            page.goto(coarse(f"http://127.0.0.1:{port}") + "&view=inspect")
             page.locator("#state-line").wait_for()
             page.locator("#webgl-software-rendering").get_by_role("button").click()
         until(lambda: deck.subscribers, "the page's wish for events")

@@ -68,7 +68,7 @@ def test_two_browsers_see_what_happens_and_both_command(browser):
         try:
             for tab in tabs:
                 tab.set_default_timeout(60_000)
-                tab.goto(page.address)
+                tab.goto(f"{page.address}/?view=inspect")
                 tab.locator("#state-line").wait_for()
 
             def lines(tab):

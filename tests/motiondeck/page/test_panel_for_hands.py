@@ -22,8 +22,9 @@ LEAST, LETTERS, CONTRAST, FAR = 44, 16, 4.5, 16  # pixels; pixels; times; pixels
 # Boxes of all that can be pressed, letters and contrast of all that can be read, in the panel without its folders.
 MEASURE = """() => {
   const visible = (e) => e.checkVisibility({ visibilityProperty: true, opacityProperty: true });
-  const column = document.querySelector("#state-line").parentElement.parentElement;
-  const parts = [...column.children];
+  const view = document.querySelector("body > .operate");
+  const column = view ?? document.querySelector("#state-line").parentElement.parentElement;
+  const parts = view ? [view] : [...column.children];
   const all = (what) => parts.flatMap((e) => [...e.querySelectorAll(what)]).filter(visible);
   const numbers = (text) => text.match(/[\\d.]+/g).map(Number);
   const light = (rgb) => rgb.map((v) => (v /= 255, v <= 0.03928 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4))
@@ -48,7 +49,8 @@ MEASURE = """() => {
     if (n.textContent.trim() && visible(e) && !e.closest("pre, style, :disabled"))
       read.push([n.textContent.trim(), parseFloat(getComputedStyle(e).fontSize), contrast(e)]);
   }
-  const targets = all('button, input:not([type="search"]), [role="slider"], summary').map((e) => [name(e), box(e)]);
+  const pressed = 'button, select, input:not([type="search"]), [role="slider"], summary';
+  const targets = all(pressed).map((e) => [name(e), box(e)]);
   const names = all(".motion b").map((e) => [e.innerText, e.scrollWidth <= e.clientWidth + 1]);
   return { targets, read, names };
 }"""
@@ -69,14 +71,15 @@ def of_stop(targets):
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("size", SIZES)
-def test_hands_hit_and_eyes_read_the_panel_and_nothing_moves(panel, browser, size):
+@pytest.mark.parametrize(("size", "scheme"), [*((size, "light") for size in SIZES), ("large", "dark")])
+def test_hands_hit_and_eyes_read_the_panel_and_nothing_moves(panel, browser, size, scheme):
     page, shown = panel
     width, height = SIZES[size]
-    tab = browser.new_page(viewport={"width": width, "height": height}, has_touch=size in TOUCH)
+    tab = browser.new_page(viewport={"width": width, "height": height}, has_touch=size in TOUCH, color_scheme=scheme)
     try:
         shown.show(SITUATIONS[0][0])
-        tab.goto(page.address)
+        tab.goto(f"{page.address}/?view=inspect")
+        tab.locator(f"[data-mantine-color-scheme={scheme}]").wait_for()
         tab.locator("#state-line").wait_for()
         tab.locator(".motion").last.wait_for()
         first = None

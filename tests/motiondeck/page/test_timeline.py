@@ -66,6 +66,7 @@ class Bodies:
 
     def __init__(self, client=None):
         self.client, self.drawn = client, []
+        self.scene = SimpleNamespace(suit=lambda client: None)
 
     def twin(self, client):
         client.twins.append(Bodies(client))

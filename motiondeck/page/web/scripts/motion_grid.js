@@ -63,7 +63,7 @@ motiondeck.part("motion-grid", (element, state, send) => {
 
 // Pictures for the buttons of a grid. state: {grid: id, pictures: {name: svg}}
 motiondeck.part("motion-pictures", (element, { grid, pictures }) => {
-  for (const box of document.querySelectorAll(`#${grid} .motion`)) {
+  for (const box of document.querySelectorAll(`#${grid} .motion, [data-of="${grid}"] .motion`)) {
     const place = box.querySelector(".picture");
     if (pictures[box.dataset.key] && !place.firstChild) place.innerHTML = pictures[box.dataset.key];
   }

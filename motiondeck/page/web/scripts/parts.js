@@ -23,10 +23,11 @@ window.motiondeck ??= (() => {
   function draw() {
     for (const element of document.querySelectorAll("[data-part]")) {
       const kind = kinds[element.dataset.part];
-      const text = document.querySelector(`[data-state-of="${element.id}"]`)?.dataset.state;
+      const name = element.dataset.of ?? element.id; // another part's state can be drawn in a second place
+      const text = document.querySelector(`[data-state-of="${name}"]`)?.dataset.state;
       if (!kind || text === undefined || drawn.get(element) === text) continue;
       drawn.set(element, text);
-      kind(element, JSON.parse(text), sender(element.id));
+      kind(element, JSON.parse(text), sender(name));
     }
   }
 
@@ -46,14 +47,18 @@ window.motiondeck ??= (() => {
     if (element.textContent !== text) element.textContent = text;
   }
 
+  // viser hears Esc as the emergency stop; unlike an event of a part, it waits for nothing and is never dropped.
+  const escape = () =>
+    void document.body.dispatchEvent(new KeyboardEvent("keydown", { key: "Escape", code: "Escape", bubbles: true }));
+
   // viser hears no key while a field or a box has the focus: Esc leaves it, and is heard as anywhere else.
   const leave = (event) => {
     if (event.key !== "Escape" || !event.target.matches?.("input, textarea, select")) return;
     event.target.blur();
-    document.body.dispatchEvent(new KeyboardEvent("keydown", { key: "Escape", code: "Escape", bubbles: true }));
+    escape();
   };
   addEventListener("keydown", leave, true);
 
   setInterval(draw, 100);
-  return { part: (kind, how) => (kinds[kind] = how), child, write };
+  return { part: (kind, how) => (kinds[kind] = how), child, write, escape };
 })();

@@ -4,6 +4,7 @@
 motiondeck.part("timeline", (element, state, send) => {
   const { child, write } = motiondeck;
   const strip = child(document.body, "timeline", "div", "timeline-strip");
+  strip.dataset.in = "inspect";
   const place = (at) => `${(100 * (state.seconds + at)) / state.seconds}%`;
   const LEGIBLE = 36; // pixels, of a strip with a word that ends in dots
   const hue = (name) => [...name].reduce((sum, letter) => (sum * 31 + letter.charCodeAt(0)) % 360, 7);
@@ -54,6 +55,7 @@ motiondeck.part("past", (element, { back, seconds }, send) => {
   const { child, write } = motiondeck;
   const bar = child(child(document.body, "timeline", "div", "timeline-strip"), "bar", "div", "bar");
   const frame = child(document.body, "past", "div", "past-frame");
+  frame.dataset.in = "inspect";
   const now = child(frame, "now", "button", "");
   const hand = child(bar, "hand", "i", "hand");
   frame.hidden = hand.hidden = !back;

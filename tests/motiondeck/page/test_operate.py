@@ -1,0 +1,164 @@
+"""The operate view: what it offers in each state, targets and letters in light and dark, the lock of one browser."""
+
+import threading
+from contextlib import closing, contextmanager
+
+import msgspec
+import pytest
+from test_panel import SITUATIONS, state
+from test_panel_for_hands import CONTRAST, LEAST, LETTERS, MEASURE, MOTIONS, SIZES, VERDICTS
+
+from controller.wire.command_socket import CommandClient, CommandServer
+from controller.wire.messages.command_table import parse_command
+from controller.wire.messages.commands import EmergencyStop, Layer, Queue, Reset, SetTempo, Switch
+from controller.wire.messages.replies import Accepted, Event
+from motiondeck.page.operate import deck_buttons, deck_cues
+from motiondeck.page.panel import Panel
+from motiondeck.page.web.page_state import PageDescription
+from motiondeck.page.web.private_page import PrivatePage
+from waiting import PATIENCE, free_port, until
+
+SILENT = "rig: the port /dev/ttyUSB0 was silent. Check adapter, cable and supply. Servos: l_hip, l_knee, r_hip, r_knee"
+
+
+@contextmanager
+def shown_panel():
+    """A panel whose commands are all accepted, with those that have come."""
+    page, heard, over = PrivatePage(free_port(), "test"), [], threading.Event()
+    with closing(CommandServer(0)) as server, closing(CommandClient(server.port)) as client:
+
+        def answer():
+            while not over.wait(0.01):
+                for message, sender in server.poll():
+                    heard.append(msgspec.structs.replace(message, id=0))
+                    server.reply(sender, Accepted(message.id))
+
+        deck = threading.Thread(target=answer)
+        deck.start()
+        about = PageDescription(
+            model_file="",
+            motions=MOTIONS,
+            robot="",
+            has_phase=True,
+            verdicts=VERDICTS,
+            groups=["arms"],
+            library_file="-",
+        )
+        panel = Panel(page, about, client, look_from=lambda *_: None)
+        panel.show(state())
+        try:
+            yield page, panel, heard
+        finally:
+            over.set()
+            deck.join()
+            page.stop()
+
+
+def commands(now, label):
+    return [parse_command(words) for words in {one.label: one.commands for one in deck_buttons(now)}[label]]
+
+
+def test_a_button_has_the_commands_of_the_state_and_a_state_without_one_has_none():
+    queued = state(queue=["jog", "waltz"])
+    assert commands(queued, "Next") == [Switch("jog"), Queue("waltz")]
+    assert [(row.mark, row.name) for row in deck_cues(queued)] == [("now", "walk"), ("next", "jog"), ("", "waltz")]
+    assert [parse_command(words) for words in deck_cues(queued)[1].take_out] == [Switch("walk"), Queue("waltz")]
+    assert commands(state(), "Next") == commands(state(), "Reset") == []
+    under_way = deck_cues(state(motion="jog", switching=True, queue=["waltz"]))
+    assert [(row.mark, row.take_out) for row in under_way] == [("now", ()), ("next", ()), ("", ())]
+    stopped = state(mode="emergency stop", queue=["jog"])
+    assert commands(stopped, "Reset") == [Reset()]
+    assert commands(stopped, "Next") == commands(stopped, "Pause") == commands(stopped, "Home") == []
+    assert commands(state(mode="held"), "Resume") == [parse_command(["resume"])]
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize(("size", "scheme"), [(size, scheme) for size in SIZES for scheme in ("light", "dark")])
+def test_hands_hit_and_eyes_read_the_operate_view_and_nothing_moves(browser, size, scheme):
+    width, height = SIZES[size]
+    with shown_panel() as (page, panel, _):
+        tab = browser.new_page(viewport={"width": width, "height": height}, color_scheme=scheme)
+        try:
+            tab.goto(f"{page.address}/?view=operate")
+            view = tab.locator(".operate")
+            view.locator(".motion").last.wait_for()
+            tab.locator(f"[data-scheme={scheme}]").wait_for()
+            first = None
+            for number, (now, (word, *_)) in enumerate(SITUATIONS):
+                panel.show(now)
+                if number == 2:
+                    panel.show_event(Event("fault", SILENT, "walk", 1.0, 1))
+                    view.get_by_role("button", name="Acknowledge").wait_for()
+                view.locator(".word").get_by_text(word, exact=True).wait_for()
+                if number == 5:
+                    view.get_by_role("button", name="Acknowledge").click()
+                    view.locator(".alarm").wait_for(state="hidden")
+                tab.wait_for_function(
+                    "queue => document.querySelectorAll('.operate li b').length > queue", arg=len(now.queue)
+                )
+                found = tab.evaluate(MEASURE)
+                assert [text for text in found["read"] if text[1] < LETTERS or text[2] < CONTRAST] == []
+                assert [target for target in found["targets"] if min(target[1][2:]) < LEAST] == []
+                assert [name for name, whole in found["names"] if not whole] == []
+                # What is in the cue list, and the alarm's button, comes and goes in a place of its own.
+                stays = {
+                    name: box
+                    for name, box in found["targets"]
+                    if not any(word in name for word in ("take out", "Acknowledge", "Pause", "Resume"))
+                    and not name.startswith(tuple(MOTIONS))
+                }
+                first = first or stays
+                assert stays.keys() == first.keys()
+                assert {name: box for name, box in stays.items() if box != pytest.approx(first[name], abs=1.0)} == {}
+            letters = {text: size for text, size, _ in found["read"]}
+            assert letters["Motions"] == 16 if width <= 1024 else letters["Motions"] > 20
+            panel.end("stopped on command")
+            view.locator(".word").get_by_text("ENDED").wait_for()
+            assert view.get_by_role("button", name="EMERGENCY STOP").is_disabled()
+        finally:
+            tab.close()
+
+
+@pytest.mark.thorough
+def test_a_locked_browser_takes_no_hand_but_on_the_stop_and_no_other_browser_is_locked(browser):
+    with shown_panel() as (page, _, heard):
+        window = {"width": 390, "height": 844}
+        tabs = [browser.new_page(viewport=window, color_scheme=scheme) for scheme in ("dark", "light")]
+        try:
+            for tab in tabs:
+                tab.set_default_timeout(1000.0 * PATIENCE)
+                tab.goto(page.address)  # a phone opens in operate
+                tab.locator(".operate .motion").last.wait_for()
+            ours, theirs = (tab.locator(".operate") for tab in tabs)
+            lock = ours.locator(".lock")
+            lock.click()
+            lock.get_by_text("Locked").wait_for()
+            assert theirs.locator(".lock").inner_text() == "Lock"
+            jog = ours.get_by_role("button", name="jog", exact=True, include_hidden=True)
+            box = jog.bounding_box()
+            tabs[0].mouse.click(box["x"] + 9, box["y"] + 9)
+            for key in ("Space", "1", "s"):
+                tabs[0].keyboard.press(key)
+            lock.click()  # a tap is no hold
+            ours.get_by_role("button", name="EMERGENCY STOP").click()
+            until(lambda: heard, "the stop of a locked browser")
+            assert [type(one) for one in heard] == [EmergencyStop]
+            tabs[0].reload()
+            lock.get_by_text("Locked").wait_for()
+            lock.focus()
+            tabs[0].keyboard.down("Enter")
+            lock.get_by_text("Lock", exact=True).wait_for()
+            tabs[0].keyboard.up("Enter")
+            lock.get_by_text("Lock", exact=True).wait_for()
+            theirs.get_by_role("button", name="slower").click()
+            until(lambda: SetTempo(0.9) in heard, "the tempo")
+            theirs.get_by_role("button", name="Layer on").click()
+            until(lambda: Layer("arms", MOTIONS[0]) in heard, "the layer")
+            ours.get_by_role("button", name="Inspect").click()
+            ours.wait_for(state="detached")
+            tabs[0].get_by_role("button", name="Emergency stop").wait_for()
+            assert theirs.is_visible()
+            assert [tab.locator("html").get_attribute("data-mantine-color-scheme") for tab in tabs] == ["dark", "light"]
+        finally:
+            for tab in tabs:
+                tab.close()
