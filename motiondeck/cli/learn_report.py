@@ -47,10 +47,8 @@ def report_recipe(
     closeness = _compare(library, training_set, recipe.network.anchor_every)
     worst = worst_join(library)
     if as_json:
-        fields = libraries.report(library) | {
-            "beside_the_recording": closeness,
-            "written": str(written) if written else None,
-        }
+        fields = libraries.report(library)
+        fields |= {"beside_the_recording": closeness, "written": str(written) if written else None}
         fields |= {"learned_from": {name: libraries.part_fields(part) for name, part in training_set.parts.items()}}
         print(json.dumps(fields | _common_fields(worst, candidates, judge)))
         return
@@ -72,8 +70,7 @@ def report_recordings(
     worst = worst_join(learned.library)
     if as_json:
         fields = {"written": str(out), "recipe": str(recipe), "motions": _rows(learned)}
-        fields["actors"] = [asdict(actor) for actor in learned.actors]
-        fields |= {"warnings": warnings(learned.recipe)}
+        fields |= {"actors": [asdict(actor) for actor in learned.actors], "warnings": warnings(learned.recipe)}
         fields |= {"on_its_feet": msgspec.to_builtins(stood)} if stood else {}
         print(json.dumps(fields | _common_fields(worst, learned.candidates, judge)))
         return
@@ -155,10 +152,8 @@ def _print(learned: LearnedLibrary) -> None:
     rows: list[tuple[str, ...]] = []
     for motion in learned.motions:
         verdict = "[green]passed[/]" if motion.passed else "[red]failed[/]" if motion.plays else "[red]left out[/]"
-        figures = ("", "", "", "")
-        if motion.part is not None:
-            part, seam = libraries.part_of(motion.part), libraries.seam_of(motion.part)
-            figures = (motion.plays, f"{motion.seconds:.2f}", part, seam)
+        places = (libraries.part_of(motion.part), libraries.seam_of(motion.part)) if motion.part else ()
+        figures = (motion.plays, f"{motion.seconds:.2f}", *places) if places else ("", "", "", "")
         rows.append((motion.name, *figures, verdict))
     show_table(
         ("motion", "plays", "seconds", "of the recording", "best seam", "verdict"),
