@@ -10,7 +10,7 @@ from __future__ import annotations
 import re
 import shutil
 import sys
-from importlib.metadata import version as version_of
+import tomllib
 from inspect import isclass
 from pathlib import Path
 from typing import Any
@@ -21,7 +21,7 @@ sys.path[:0] = [str(DOCS), str(DOCS.parent)]
 from command_reference import command_reference  # noqa: E402
 
 project = "Motiondeck"
-release = version = version_of("motiondeck")
+release = version = tomllib.loads((DOCS.parent / "pyproject.toml").read_text())["project"]["version"]
 root_doc = "README"
 source_suffix = {".md": "markdown"}
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx_copybutton"]
