@@ -81,7 +81,9 @@ def main(
             right = np.array([word == dataset.examples[i].label for word, i in zip(said, belongs, strict=True)])
             unsure = np.array([word is None for word in said])
             named = np.mean([right[belongs == i].any() for i in order])
-            rows.append([right.mean(), unsure.mean(), 1.0 - right.mean() - unsure.mean(), named])
+            rows.append(
+                [float(one) for one in (right.mean(), unsure.mean(), 1.0 - right.mean() - unsure.mean(), named)]
+            )
             print(f"{one}, tempo {tempo:g}: " + ", ".join(f"{value:.2f}" for value in rows[-1]))
     for tempo, rows in found.items():
         print(
