@@ -77,9 +77,12 @@ def random_script(
     made: list[tuple[int, DeckCommand]] = []
     tick, names, joints = rng.randrange(60), figure.library.network.motions, figure.library.skeleton.bones
     while tick < ticks:
-        one = rng.choice("ssssqqtttjjpgggerrr" + "llllvvvvbbkuhh" * layered)
+        one = rng.choice("sssmmmqqtttjjpgggerrr" + "llllvvvvbbkuhh" * layered)
         command: DeckCommand = {
             "s": lambda: commands.Switch(to=rng.choice(names), direct=rng.random() < 0.3),
+            "m": lambda: commands.Blend(
+                first=rng.choice(names), second=rng.choice(names), weight=round(rng.uniform(-0.3, 1.3), 2)
+            ),
             "q": lambda: commands.Queue(to=rng.choice(names)),
             "t": lambda: commands.SetTempo(factor=round(rng.uniform(-3.0, 3.0), 2), over=rng.choice([0.0, 0.0, 0.7])),
             "j": lambda: commands.Jump(phase=round(rng.random(), 3)),

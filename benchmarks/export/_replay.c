@@ -12,6 +12,7 @@ static int give(md_player *p, char kind, int motion, float value, float other, u
     case 's': return md_switch(p, motion, value != 0.0f);
     case 'q': return md_queue(p, motion);
     case 't': return md_tempo(p, value, other);
+    case 'm': return md_blend(p, motion, (int)other, value);
     case 'j': return md_jump(p, value);
     case 'p': return md_pause(p);
     case 'g': return md_resume(p);

@@ -37,7 +37,7 @@ class Deck(Lockable):
         phase: where in the motion to begin, in [0, 1).
     """
 
-    _performs = Performance
+    _performs, _plans = Performance, SwitchPlan
 
     def __init__(
         self,
@@ -55,7 +55,7 @@ class Deck(Lockable):
         self.performance = self._performs(library, motion, joining, phase)
         routes = Routes.of(library)
         self._routes = routes.direct if direct else routes
-        self.plan = SwitchPlan(self.performance, self._routes, direct=direct)
+        self.plan = self._plans(self.performance, self._routes, direct=direct)
         self.switches = self.plan.commanded  # the latest REMEMBERED_SWITCHES
         self.events = self.plan.events  # the latest, at most REMEMBERED_EVENTS; their reader removes them
         self.direct = direct

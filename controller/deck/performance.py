@@ -104,7 +104,7 @@ class Performance:
         shown, completed = target, False
         if self._fade is not None or self._switching:
             shown, completed = self._faded(target, dt)
-        self.blend_problem = tracks.problem(self._joints(target), dt * abs(tempo)) if tracks.blending else ""
+        self.blend_problem = tracks.problem(self._joints(target), dt, tempo) if tracks.blending else ""
         self._shown, self._next = shown, advance(self.pose, shown, dt)
         if self._limits is not None:
             self._keep_within(self._limits, dt, tempo)

@@ -81,7 +81,7 @@ class SwitchPlan:
     def update_blend(self, switch: CommandedSwitch, time: float) -> None:
         """Notes the progress of a switch's blend, and drops the motions whose weight has become 0."""
         performance = self._performance
-        if performance.tracks.crossing:
+        if performance.tracks.crossing or performance.fading:
             return
         self.blending = None
         performance.tracks.drop_weightless(switch.to)
@@ -94,10 +94,9 @@ class SwitchPlan:
         blend = performance.tracks.blend
         if not blend or blended is None:
             return
-        playing = performance.motion.name
-        weights = {playing: 1.0 - sum(weight for _, weight in blend)} | dict(blend)
+        weights = performance.tracks.weights
         nearer = max(weights, key=weights.__getitem__)
-        blended.fell_back = f"{described(playing, blend)} {problem}, fell back to {nearer}"
+        blended.fell_back = f"{described(performance.motion.name, blend)} {problem}, fell back to {nearer}"
         self._note("gave up", blended.fell_back, nearer, time)
         if self.current is not None:
             self._mark_overtaken([self.current], time)

@@ -27,6 +27,9 @@ def export(
         str,
         Option(metavar="CORE:MHZ:RAM:FLASH", help="M4F, M3 or M0+, MHz and kB that are there; refused if too little."),
     ] = "M4F",
+    networks: Annotated[
+        bool, Option("--networks", help="Hold centralized networks, which take less flash and more time than keys.")
+    ] = False,
     as_json: JsonOption = False,
 ) -> None:
     """Write a player in C, an Arduino library or a page with motions.
@@ -46,21 +49,23 @@ def export(
     if target == "arduino" and rig is None:
         raise MotiondeckError("--for arduino drives the servos of a rig: name its file with --rig, not --robot")
     names = [name.strip() for name in motions.split(",") if name.strip()]
-    figure = open_figure(library, robot, rig, names, out if target == "web" else None)
+    if networks and target == "web":
+        raise MotiondeckError("a page holds motions as keys, which browsers have room for: leave --networks out")
+    figure = open_figure(library, robot, rig, names, out if target == "web" else None, networks=networks)
     cost = cost_on(figure, board) if target != "web" else {}
     if target == "arduino" and rig is not None:
         write_arduino(figure, load(rig), out)
     elif target == "c":
         write_c(figure, out)
-    rows = [(name, size, *figure.error[name]) for name, size in figure.bytes_of.items()]
+    rows = [(name, figure.held[name], size, *figure.error[name]) for name, size in figure.bytes_of.items()]
     if as_json:
-        sizes = [{"motion": name, "bytes": size, "rms_rad": rms, "largest_rad": most} for name, size, rms, most in rows]
+        sizes = [dict(zip(("motion", "as", "bytes", "rms_rad", "largest_rad"), row, strict=True)) for row in rows]
         summary = {"target": target, "folder": str(out), "bytes": len(figure.words), "motions": sizes}
         print(json.dumps(summary | {"cost": cost}))
         return
     show_table(
-        ("motion", "bytes", "off by (rms)", "at most"),
-        [(name, str(size), f"{1e3 * rms:.2f} mrad", f"{1e3 * most:.2f} mrad") for name, size, rms, most in rows],
+        ("motion", "as", "bytes", "off by (rms)", "at most"),
+        [(*row[:2], str(row[2]), *(f"{1e3 * off:.2f} mrad" for off in row[3:])) for row in rows],
     )
     if cost:
         bytes_of = f"{1e-3 * cost['flash']:.0f} kB of flash, {1e-3 * cost['ram']:.1f} kB of RAM"

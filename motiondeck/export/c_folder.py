@@ -52,11 +52,13 @@ def write_arduino(figure: Figure, rig: RigConfig, folder: Path) -> None:
 
 
 def _player(figure: Figure) -> dict[str, bytes]:
-    """The player with room for the joints of a figure, and its words as C."""
+    """The player with what the joints and motions of a figure need, and its words as C."""
     words = _lines(f"0x{word:08x}u" for word in np.frombuffer(figure.words, "<u4"))
     head = f"/* {figure.library.info.name} */\n#define FIGURE_JOINTS {len(figure.rest)}\n#include <stdint.h>\n"
-    most = b"#define MD_MOST_JOINTS %d" % len(figure.rest)
-    files = {file.name: file.read_bytes().replace(b"#define MD_MOST_JOINTS 32", most) for file in PLAYER}
+    files = {file.name: file.read_bytes() for file in PLAYER}
+    size, networks = b"#define MD_MOST_JOINTS %d" % len(figure.rest), "network" in figure.held.values()
+    header = files["player.h"].replace(b"#define MD_MOST_JOINTS 32", size)
+    files["player.h"] = header if networks else header.replace(b"#define MD_NETWORKS 1", b"#define MD_NETWORKS 0")
     return files | {"figure.h": f"{head}static const uint32_t figure[] = {{\n{words}".encode()}
 
 

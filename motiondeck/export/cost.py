@@ -1,15 +1,20 @@
 """What a figure costs on a microcontroller: formulas fitted to what `benchmarks export_board` counts with -Os."""
 
+from typing import Any
+
+from motiondeck.export.board_network import BoardNetwork
 from motiondeck.export.figure import Figure
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
 
-# Bytes of code; instructions of the worst tick: of any figure, more with each joint, and with each joint of a layer.
+# Bytes of code; instructions of the worst tick: of any figure, more with each joint, with each joint of a layer, and
+# with each satellite of the largest network, of 20 joints.
 CORES = {
-    "M4F": (16_700, 9_000, 1_250, 120),
-    "M3": (20_100, 87_000, 30_000, 1_100),
-    "M0+": (23_700, 205_000, 65_000, 2_200),
+    "M4F": (19_000, 12_800, 840, 120, 1_400),
+    "M3": (22_400, 184_000, 18_500, 1_100, 10_000),
+    "M0+": (26_400, 382_000, 41_800, 2_200, 26_000),
 }
-_PLAYER, _PLAYER_JOINT, _STACK, _STACK_JOINT = 712, 288, 720, 16  # bytes, with room for four layers
+_NETWORKS = 800  # bytes of code
+_PLAYER, _PLAYER_JOINT, _STACK, _STACK_JOINT = 976, 368, 720, 16  # bytes, with room for four layers and a blend
 
 
 def cost_on(figure: Figure, board: str) -> dict[str, int]:
@@ -19,8 +24,11 @@ def cost_on(figure: Figure, board: str) -> dict[str, int]:
     """
     (name, *given), joints = board.split(":"), len(figure.rest)
     [core] = UnknownNameError.indices("core", [name], [*CORES])
-    code, base, joint, layer = [*CORES.values()][core]
+    code, base, joint, layer, satellite = [*CORES.values()][core]
     ram, worst = _PLAYER + _STACK + (_PLAYER_JOINT + _STACK_JOINT) * joints, base + joint * joints
+    held: Any = figure.library.network
+    if networks := [len(one.form) for one in held.keys.values() if isinstance(one, BoardNetwork)]:
+        code, worst = code + _NETWORKS, max(worst, base // 2 + satellite * max(networks))
     flash, has = code + len(figure.words), [float(one) if one.isdecimal() else 0.0 for one in given]
     needs = (1e-6 * worst * figure.rate, "MHz"), (1e-3 * ram, "kB of RAM"), (1e-3 * flash, "kB of flash")
     if short := [

@@ -1,12 +1,13 @@
 """A figure: a library of joint motions as the words that `player.c` reads.
 
 What a phase-driven network plays is a function of its phase. A figure has that function as keys of splines
-(`networks.keys`), as close as MOST_BYTES of a motion allow, at most one key a frame, and with it what the deck knows of
-the motions: where they may be entered, how fast they are, which lie between two others. The root of a baked motion is
-left out; only its joints are played, and only they are compared and limited where motions are joined.
+(`networks.keys`), as close as MOST_BYTES of a motion allow, at most one key a frame, or a centralized network itself
+(`board_network`); and with it what the deck knows of the motions: where they may be entered, how fast they are, which
+lie between two others. The root of a baked motion is left out; only its joints are played, and only they are compared
+and limited where motions are joined.
 
     0 "MDP1", 1 number of words, 2 CRC-32 of all other words, 3 joints, 4 motions, 5 ticks and 6 frames a second,
-    7 limits, 8 motions, 9 ways, 10 names (offsets in words), 11 what is searched in a tick, 12 the inverse of word 1
+    7 limits, 8 motions, 9 ways, 10 names (offsets in words), 11 the inverse of word 1
 
 Words have 32 bits, lowest byte first. Rows of limits and motions are `EnvelopeLimits` of `envelope.c`, per tick, and
 `md_motion` of `player.h`; keys are 16 bits, (K, J), J even; ways M x M bytes, the next motion from the row's to the
@@ -34,17 +35,19 @@ from controller.motion.encodings.joint_angles import JointAngles, JointBody
 from controller.motion.encodings.robot_joints import ROOT, RobotBody
 from controller.motion.rotations import Array
 from controller.networks.base import AnyNetwork, Channels
+from controller.networks.centralized.centralized import CentralizedMotion
 from controller.networks.clip.network import ClipPlayer
 from controller.networks.keys import FEWEST_KEYS, MOST_BITS, STEPS_PER_BIT, Keys
+from motiondeck.export.board_network import MOST_CENTERS, BoardNetwork
 from motiondeck.export.spread_deck import SEARCHED
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
 
 MOST_BYTES = 8192  # of the keys of a motion
 FARTHEST = 0.005  # rad, of a joint in a figure from where its network has it
 MOST_JOINTS, MOST_MOTIONS, MOST_RATE = 64, 256, 200.0
-_HEADER = 13  # words
+_HEADER = 12  # words
 _MOTION = np.dtype(
-    [(f"whole{n}", "<u4") for n in range(9)] + [(f"real{n}", "<f4") for n in range(6)] + [("name", "<u4")]
+    [(f"whole{n}", "<u4") for n in range(10)] + [(f"real{n}", "<f4") for n in range(8)] + [("name", "<u4")]
 )  # md_motion
 
 
@@ -57,7 +60,8 @@ class Figure:
     limits: JointLimits
     rest: Array  # rad, shape (J,)
     rate: float  # ticks a second
-    bytes_of: Mapping[str, int]  # of the keys of each motion
+    bytes_of: Mapping[str, int]  # of each motion
+    held: Mapping[str, str]  # keys or network
     error: Mapping[str, tuple[float, float]]  # of each motion, root mean square and largest, rad
 
 
@@ -68,11 +72,14 @@ def figure_of(
     rest: Array,
     rate: float,
     motions: Sequence[str] = (),
+    *,
+    networks: bool = False,
 ) -> Figure:
     """The figure of some motions of a library, or all, for the joints of a robot and ticks at a rate in Hz.
 
-    Joints without motion stay at `rest` (J,), rad. A baked root is played if the joints end in those of ROOT.
-    MotiondeckError where the library cannot be exported, and why.
+    With `networks` it has those of a centralized library that are as near and as small as keys have to be, else keys of
+    what they play. Joints without motion stay at `rest` (J,), rad. A baked root is played if the joints end in those of
+    ROOT. MotiondeckError where the library cannot be exported, and why.
     """
     every, names = [one.name for one in library.info.motions], [*dict.fromkeys(motions)] or library.network.motions
     chosen = [library.info.motions[place] for place in UnknownNameError.indices("motion", names, every)]
@@ -91,12 +98,18 @@ def figure_of(
     if missing := [bone for bone in bones if bone not in joints]:
         raise MotiondeckError(f"the library moves {missing[0]}, which is no joint there; it has {', '.join(joints)}")
     order = [joints.index(bone) for bone in bones]
-    most = MOST_BYTES // (2 * _even(len(joints) - rooted * len(ROOT)))  # keys of a motion
-    keys, error = dict[str, Keys](), dict[str, tuple[float, float]]()
+    most = MOST_BYTES // (4 * -(-(len(joints) - rooted * len(ROOT)) // 2))  # keys of a motion
+    keys, error = dict[str, Any](), dict[str, tuple[float, float]]()
     for one in chosen:
         frames = np.tile(rest, (one.frames, 1))
         frames[:, order] = (stored.scale * _played(library.network.twin(), one))[:, : len(order)]
-        keys[one.name], off = _keys(one.name, frames, most, loop=one.plays == "loop")
+        loop, part = one.plays == "loop", library.network[one.name]
+        keys[one.name], off = None, np.array(np.inf)
+        if networks and isinstance(part, CentralizedMotion) and len(part.frequency) <= MOST_CENTERS:
+            keys[one.name] = BoardNetwork.of(part, library.info.rate, order, stored.scale, rest)
+            off = keys[one.name].drawn(one.frames, loop=loop) - frames
+        if np.abs(off).max() > FARTHEST or len(keys[one.name].words) > MOST_BYTES:
+            keys[one.name], off = _keys(one.name, frames, most, loop=loop)
         error[one.name] = float(np.sqrt(np.square(off).mean())), float(np.abs(off).max())
     loops = {one.name: one.plays == "loop" for one in chosen}
     network = ClipPlayer.of_keys(keys, {one.name: one.frames for one in chosen}, loops)
@@ -104,8 +117,9 @@ def figure_of(
     encoding = JointAngles(JointBody.of(joints))
     changed = {"network": "clip", "encoding": encoding.name, "skeleton": encoding.skeleton_info()}
     carried = MotionLibrary(msgspec.structs.replace(library.info, motions=chosen, **changed), network, encoding)
-    sizes = {name: 2 * one.counted.shape[0] * _even(len(joints)) for name, one in keys.items()}
-    return Figure(carried, words_of(carried, limits, rate), limits, rest, rate, sizes, error)
+    sizes = {name: len(_stored(one)) for name, one in keys.items()}
+    held = {name: "keys" if isinstance(one, Keys) else "network" for name, one in keys.items()}
+    return Figure(carried, words_of(carried, limits, rate), limits, rest, rate, sizes, held, error)
 
 
 def _played(network: AnyNetwork, motion: MotionInfo) -> Channels:
@@ -141,23 +155,22 @@ def words_of(library: MotionLibrary, limits: JointLimits, rate: float) -> bytes:
     ways = [names.index((*routes.way(one, other), other)[0]) for one in names for other in names]
     texts = [name.encode() + b"\0" for name in (*joints, *names)]
     parts = [_limit_rows(limits, 1.0 / rate), bytes(len(names) * _MOTION.itemsize), bytes(ways), b"".join(texts)]
-    for name in names:
-        table = np.zeros((len(network.keys[name].counted), _even(len(joints))), dtype="<i2")
-        table[:, : len(joints)] = network.keys[name].counted
-        parts.append(table.tobytes())
+    parts += [_stored(network.keys[name]) for name in names]
     parts = [part + bytes(-len(part) % 4) for part in parts]
     starts = np.cumsum([_HEADER, *(len(part) // 4 for part in parts)])[:-1]
     rows = list[tuple[object, ...]]()
     for at, (number, (name, one)) in zip(starts[4:], enumerate(motions.items(), len(joints)), strict=True):
         keys, frames = network.keys[name], len(network[name])
-        steps = frames if one.loop else frames - 1
-        whole = at, len(keys.counted), frames, frames - int(keys.course[1]), one.loop, steps, network.every
-        real = keys.unit, one.spacing, one.seconds, one.whole, one.speed, one.acceleration
-        rows.append((*whole, len(one.course), len(one.places), *real, len(b"".join(texts[:number]))))
+        count, held, unit = (len(keys.counted), keys.course[1], keys.unit) if isinstance(keys, Keys) else (0, 0, 0.0)
+        whole = at, count, frames, frames - int(held), one.loop, frames - (not one.loop), network.every
+        whole += len(one.course), len(one.places)
+        watched = np.ptp(one.places, axis=0).max(), np.abs(one.velocities).max()  # as of `BlendCheck`
+        real = unit, one.spacing, one.seconds, one.whole, one.speed, one.acceleration, *watched
+        rows.append((*whole, getattr(keys, "searched", SEARCHED), *real, len(b"".join(texts[:number]))))
     parts[1] = np.array(rows, _MOTION).tobytes()
     head = np.array([len(joints), len(names)], "<u4").tobytes() + np.array([rate, library.info.rate], "<f4").tobytes()
     count = (_HEADER * 4 + sum(map(len, parts))) // 4
-    last = np.array([SEARCHED, ~np.uint32(count)], "<u4").tobytes()
+    last = np.array([~np.uint32(count)], "<u4").tobytes()
     body = head + starts[:4].astype("<u4").tobytes() + last + b"".join(parts)
     before = b"MDP1" + count.to_bytes(4, "little")
     return before + zlib.crc32(before + body).to_bytes(4, "little") + body
@@ -175,5 +188,8 @@ def _limit_rows(limits: JointLimits, dt: float) -> bytes:
     return np.column_stack([v, a, j, limits.lower + inset, limits.upper - inset, way]).astype("<f4").tobytes()
 
 
-def _even(count: int) -> int:
-    return count + count % 2
+def _stored(motion: Keys | BoardNetwork) -> bytes:
+    """The keys or the network of a motion as the player reads them."""
+    if isinstance(motion, BoardNetwork):
+        return motion.words
+    return np.pad(motion.counted, ((0, 0), (0, motion.counted.shape[1] % 2))).astype("<i2").tobytes()

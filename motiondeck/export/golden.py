@@ -77,6 +77,8 @@ def spelled(command: DeckCommand, names: Sequence[str]) -> tuple[str, int, float
     match command:
         case commands.Switch(to=to, direct=direct):
             return "s", names.index(to), float(direct), 0.0
+        case commands.Blend(first=first, second=second, weight=weight):
+            return "m", names.index(first), weight, float(names.index(second))
         case commands.Queue(to=to):
             return "q", names.index(to), 0.0, 0.0
         case commands.SetTempo(factor=factor, over=over):

@@ -9,7 +9,7 @@
 #include "envelope.c"
 
 #define MAGIC 0x3150444Du /* "MDP1" */
-enum { WORDS = 1, CHECKSUM, JOINTS, MOTIONS, TICK_RATE, FRAME_RATE, LIMITS, MOTION_ROWS, WAYS, NAMES, SEARCHED, INVERSE };
+enum { WORDS = 1, CHECKSUM, JOINTS, MOTIONS, TICK_RATE, FRAME_RATE, LIMITS, MOTION_ROWS, WAYS, NAMES, INVERSE };
 
 #define SHORTEST 0.2f /* fade_search.py */
 #define LONGEST 1.6f
@@ -33,6 +33,16 @@ enum { WORDS = 1, CHECKSUM, JOINTS, MOTIONS, TICK_RATE, FRAME_RATE, LIMITS, MOTI
 #define SHORTEST_BEAT 0.25f /* s (beat_clock.py) */
 #define LONGEST_BEAT 1.5f
 #define FOLLOW 80.0f /* 1/s (live_values.py) */
+#define BLEND_TURNS_OVER 2.0f /* performance.py, playing_tracks.py */
+#define EASED_FROM 0.7f
+#define EASED_TO 0.8f
+#define SLOWEST 0.2f
+#define EASING_SECONDS 0.1f
+#define STILL 0.1f
+#define TURNS_OVER 2.5f
+#define LEAST_RESPONSE -9.0f /* the exponent of a satellite that counts (satellites.py) */
+#define MOST_CENTERS 8
+#define BLENDS (MD_MOST_BLENDED > 1)
 
 enum { RUNNING, BRAKING, LATCHED, HELD };           /* phases of the stop (stop_state.py) */
 enum { STOPPING, MOVING, ARRIVING, FOLLOWING, HOLDING }; /* ways of the joints (run_phases.py) */
@@ -83,10 +93,70 @@ int md_find(const uint32_t *figure, const char *name) {
   return MD_E_MOTION;
 }
 
-/* Angles of a frame, rad: a uniform cubic B-spline through the keys (keys.py). */
+/* 1 - cos x, and sin x, for |x| < 1 */
+static float versine(float x) {
+  float s = x * x;
+  return s * (1.0f / 2.0f - s * (1.0f / 24.0f - s * (1.0f / 720.0f - s * (1.0f / 40320.0f))));
+}
+static float sine(float x) {
+  float s = x * x;
+  return x * (1.0f - s * (1.0f / 6.0f - s * (1.0f / 120.0f - s * (1.0f / 5040.0f - s * (1.0f / 362880.0f)))));
+}
+/* exp x, for |x| < 80 */
+static float exponential(float x) {
+  int32_t twos = (int32_t)(x * 1.44269504f + copysignf(0.5f, x));
+  float r = x - (float)twos * 0.693147181f, power;
+  uint32_t bits = (uint32_t)(twos + 127) << 23;
+  memcpy(&power, &bits, sizeof power);
+  return power * (1.0f + r * (1.0f + r * (0.5f + r * (1.0f / 6.0f + r * (1.0f / 24.0f + r * (1.0f / 120.0f + r / 720.0f))))));
+}
+
+#if MD_NETWORKS
+/* Angles of a frame, rad, of a network: centers turn, satellites respond to where they are (centralized.py). Its words: the
+   centers, the satellites; of each center its turns in a frame and at the first; of each joint the rest and the unit of its
+   weights; of each satellite the linear form of its exponent; then of each the weights of all joints, 16 bits each. */
+static void evaluate(const md_player *p, const md_motion *m, int frame, float *angles) {
+  const uint32_t *at = p->figure + m->keys;
+  int centers = (int)at[0], satellites = (int)at[1], states = 2 * centers, joints = p->joints, width = (joints + 1) & ~1;
+  const float *turns = (const float *)(const void *)(at + 2), *rest = turns + states;
+  const float *form = rest + 2 * joints;
+  const int16_t *weights = (const int16_t *)(const void *)(form + satellites * (states + 1));
+  float state[2 * MOST_CENTERS];
+  int32_t response[4]; /* of satellites that count, in 2^-20 */
+  const int16_t *row[4];
+  int64_t sum[MD_MOST_JOINTS];
+  for (int k = 0; k < states; k += 2) {
+    float turn = (float)frame * turns[k] + turns[k + 1], x = 1.57079633f * (turn - rintf(turn));
+    float c = 1.0f - versine(x), s = sine(x), c2 = c * c - s * s, s2 = 2.0f * c * s;
+    state[k] = c2 * c2 - s2 * s2, state[k + 1] = 2.0f * c2 * s2;
+  }
+  memset(sum, 0, sizeof sum);
+  for (int count = 0; satellites--; weights += width) {
+    float exponent = form[states];
+    for (int k = 0; k < states; k += 2) exponent += form[k] * state[k] + form[k + 1] * state[k + 1];
+    form += states + 1;
+    if (exponent >= LEAST_RESPONSE) response[count] = (int32_t)(1048576.0f * exponential(exponent)), row[count++] = weights;
+    if (count < 4 && (satellites || !count)) continue;
+    for (; count < 4; count++) response[count] = 0, row[count] = row[0];
+    for (int j = 0; j < joints; j++)
+      sum[j] += (int64_t)response[0] * row[0][j] + (int64_t)response[1] * row[1][j] + (int64_t)response[2] * row[2][j] +
+                (int64_t)response[3] * row[3][j];
+    count = 0;
+  }
+  for (int j = 0; j < joints; j++) angles[j] = rest[2 * j] + rest[2 * j + 1] / 256.0f * (float)(int32_t)(sum[j] >> 12);
+}
+#endif
+
+/* Angles of a frame, rad: a uniform cubic B-spline through the keys (keys.py), or what a network has there. */
 static void draw(const md_player *p, const md_motion *m, int frame, float *angles) {
   int count = (int)m->count, moving = (int)m->moving, width = (p->joints + 1) & ~1;
   frame = frame < moving ? frame : moving - 1;
+#if MD_NETWORKS
+  if (!count) {
+    evaluate(p, m, frame, angles);
+    return;
+  }
+#endif
   float place = m->loop ? (float)frame * (float)count / (float)moving
                         : (float)frame * (float)(count - 3) / (float)(moving - 1);
   int first = (int)place, last = m->loop ? count - 1 : count - 4;
@@ -213,15 +283,6 @@ static void finish_round(md_track *t) {
 
 /* ---- where a motion is entered (transition.best_anchor) ---- */
 
-/* 1 - cos x, and sin x, for |x| < 1 */
-static float versine(float x) {
-  float s = x * x;
-  return s * (1.0f / 2.0f - s * (1.0f / 24.0f - s * (1.0f / 720.0f - s * (1.0f / 40320.0f))));
-}
-static float sine(float x) {
-  float s = x * x;
-  return x * (1.0f - s * (1.0f / 6.0f - s * (1.0f / 120.0f - s * (1.0f / 5040.0f - s * (1.0f / 362880.0f)))));
-}
 /* The speed at which the end of a joint's bone moves, signed, m/s, as the joint turns by some rad in some s. */
 static float chord_speed(float turn, float seconds) { return 2.0f * LEVER * sine(turn / (2.0f * LEVER)) / seconds; }
 
@@ -244,17 +305,18 @@ static void compare(md_player *p, const md_motion *m, int anchor) {
   if (cost < p->entry_cost) p->entry_cost = cost, p->entry = anchor;
 }
 
-static void seek_entry(md_player *p, int motion) {
-  p->entering = motion, p->compared = 0, p->entry_cost = FARTHEST, p->entry = 0;
-  for (int j = 0; j < p->joints; j++) p->entered_speed[j] = chord_speed(p->shown[j] - p->posture[j], p->dt);
-  memcpy(p->entered_from, p->shown, sizeof p->shown);
+/* Begins to look where a motion is most like what was shown at last, and before. */
+static void seek_entry(md_player *p, int motion, const float *last, const float *before) {
+  p->entering = motion, p->compared = 0, p->entry_cost = FARTHEST, p->entry = p->adding = 0;
+  for (int j = 0; j < p->joints; j++) p->entered_speed[j] = chord_speed(last[j] - before[j], p->dt);
+  memcpy(p->entered_from, last, sizeof p->entered_from);
 }
 
 /* Compares as many anchors as a tick allows; whether they all have been compared. */
 static int search_entry(md_player *p) {
   const md_motion *m = motion_row(p->figure, p->entering);
   int entries = (int)m->entries, first = compared(m) - 2 * (COARSE - 1);
-  for (int most = (int)p->figure[SEARCHED]; most && p->compared < compared(m); most--, p->compared++) {
+  for (int most = (int)m->searched; most && p->compared < compared(m); most--, p->compared++) {
     int anchor = p->compared * COARSE, nth = p->compared - first;
     if (nth == 0) p->coarse = p->entry;
     if (nth >= 0) anchor = p->coarse + nth + (nth < COARSE - 1 ? 1 - COARSE : 2 - COARSE);
@@ -262,6 +324,14 @@ static int search_entry(md_player *p) {
     if (anchor >= 0 && anchor < entries) compare(p, m, anchor);
   }
   return p->compared == compared(m);
+}
+
+/* Enters the motion where that was, and as much further on as the search took. */
+static void enter_found(const md_player *p, md_track *t) {
+  const md_motion *m = motion_row(p->figure, p->entering);
+  int late = (compared(m) - 1) / (int)m->searched + 1, anchors = (int)m->anchors;
+  int carried = m->loop ? (int)floorf((float)late * p->dt * p->tempo / m->spacing + CARRIED) : 0;
+  enter_anchor(p, t, m, ((p->entry + carried) % anchors + anchors) % anchors);
 }
 
 /* ---- fades (quintic.py, transition.Fade, fade_search.py) ---- */
@@ -383,7 +453,7 @@ static void go_over_to(md_player *p, md_fade fade) {
 
 static void advance_fade(md_player *p) {
   md_fade fade = p->fade;
-  for (int most = p->entering == NONE ? (int)p->figure[SEARCHED] : 0; most && !p->found; most--) weigh(p, &fade);
+  for (int most = p->entering == NONE ? (int)p->track.motion->searched : 0; most && !p->found; most--) weigh(p, &fade);
   if (p->elapsed > 0.0f)
     go_over_to(p, fade);
   else
@@ -418,8 +488,8 @@ static float onset_of(const md_player *p) {
 
 /* ---- joins (performance.py, join_limits.py) ---- */
 
-static void limit_join(md_player *p, const md_motion *one, const md_motion *other) {
-  float speed = most(one->speed, other->speed), acceleration = most(one->acceleration, other->acceleration);
+static void limit_join(md_player *p, float speed, float acceleration) {
+  if (!p->limited) p->weight_pace = 1.0f;
   p->join_speed = FASTEST * (p->limited ? most(p->own_speed, speed) : speed);
   p->join_acceleration = HARDEST * (p->limited ? most(p->own_acceleration, acceleration) : acceleration);
   p->own_speed = speed, p->own_acceleration = acceleration;
@@ -442,36 +512,189 @@ static float use_of_limits(const md_player *p) {
               LEVER * sqrtf(hardest) / (faster * faster * p->join_acceleration * p->dt * p->dt));
 }
 
-static void fade_to(md_player *p, const md_motion *one, const md_motion *other) {
+static void fade_to(md_player *p, float speed, float acceleration) {
   md_track *t = &p->track;
   float onset = t->motion->loop ? 1.0f : 0.0f;
   step_track(p, t, 0.0f, onset * p->tempo); /* its first two postures: a fade needs a rate of change */
   step_track(p, t, p->dt, onset * p->tempo);
-  begin_fade(p, onset, most(one->speed, other->speed), most(one->acceleration, other->acceleration));
+  begin_fade(p, onset, speed, acceleration);
 }
 
-static void switch_to(md_player *p, const md_motion *to) {
-  const md_motion *from = p->track.motion;
-  int late = (compared(to) - 1) / (int)p->figure[SEARCHED] + 1, anchors = (int)to->anchors; /* ticks of the search */
-  int carried = to->loop ? (int)floorf((float)late * p->dt * p->tempo / to->spacing + CARRIED) : 0;
-  limit_join(p, from, to);
-  enter_anchor(p, &p->track, to, ((p->entry + carried) % anchors + anchors) % anchors);
-  fade_to(p, from, to);
+/* ---- blends (playing_tracks.py, blend_weight.py, deck_motions.py) ---- */
+
+static md_track *track_at(md_player *p, int place) { return place ? p->beside + place - 1 : &p->track; }
+/* The place of a motion among those that play, or NONE. */
+static int place_of(md_player *p, int motion) {
+  int place = p->blended;
+  while (place >= 0 && motion_index(p, track_at(p, place)->motion) != motion) place--;
+  return place;
+}
+static void play_alone(md_player *p) { p->blended = p->crossing = 0; }
+
+/* Steps the motions of a blend, which stay in step, and shows their mean. */
+static void step_blend(md_player *p) {
+  float change, common = 0.0f, own[MD_MOST_BLENDED];
+  p->weighed += p->dt * p->weight_pace;
+  p->crossing = p->weighed < p->weighing - SOON;
+  change = p->crossing ? p->weighed / p->weighing : 1.0f;
+  change = change * change * change * (10.0f + change * (6.0f * change - 15.0f));
+  own[0] = 1.0f;
+  for (int k = 0; k <= p->blended; k++) {
+    p->weight[k] = (1.0f - change) * p->weight_from[k] + change * p->weight_to[k];
+    own[k] = p->lasts[k] / p->lasts[0];
+    float z = (own[k] - 1.0f) / (own[k] + 1.0f), zz = z * z; /* ln x = 2 artanh z */
+    common += 2.0f * p->weight[k] * z * (1.0f + zz * (1.0f / 3.0f + zz * (0.2f + zz * (1.0f / 7.0f + zz * (1.0f / 9.0f + zz / 11.0f)))));
+  }
+  common = exponential(-common);
+  memset(p->shown, 0, sizeof p->shown);
+  for (int k = 0; k <= p->blended; k++) {
+    md_track *t = track_at(p, k);
+    step_track(p, t, p->dt, p->tempo * (common * own[k]));
+    for (int j = 0; j < p->joints; j++) p->shown[j] += p->weight[k] * t->now[j];
+  }
+}
+
+enum { FINE, STANDS_STILL, OVER };
+
+/* What is wrong with the blend (BlendCheck.problem). */
+static int problem_of(md_player *p) {
+  float least_way = FARTHEST, fastest = 0.0f, moved = 0.0f, way = 0.0f, passed = p->dt * fabsf(p->tempo);
+  for (int k = 0; k <= p->blended; k++) {
+    least_way = least(least_way, STILL * track_at(p, k)->motion->extent);
+    fastest = most(fastest, TURNS_OVER * track_at(p, k)->motion->pace);
+  }
+  for (int j = 0; j < p->joints; j++) {
+    float place = LEVER * sine(p->shown[j] / LEVER);
+    moved = most(moved, fabsf(place - LEVER * sine(p->posture[j] / LEVER)));
+    if (p->watched <= 0.0f) p->low[j] = p->high[j] = place;
+    p->low[j] = least(p->low[j], place), p->high[j] = most(p->high[j], place);
+    way = most(way, p->high[j] - p->low[j]);
+  }
+  int known = p->watched >= 0.0f;
+  p->watched = most(p->watched, 0.0f);
+  if (known && moved > fastest * most(p->dt, passed)) return OVER;
+  p->watched += passed;
+  if (p->watched < 0.5f - SOON) return FINE;
+  p->watched = 0.0f;
+  return way < least_way ? STANDS_STILL : FINE;
+}
+
+/* Has the weights go to those of the plan, others to 0; a change by 1 takes a second. */
+static void change_weights(md_player *p) {
+  float change = 0.0f;
+  for (int k = 0; k <= p->blended; k++) {
+    int motion = motion_index(p, track_at(p, k)->motion);
+    p->weight_from[k] = p->weight[k];
+    p->weight_to[k] = motion == p->with ? p->share : motion == p->going_to ? 1.0f - p->share : 0.0f;
+    change = most(change, fabsf(p->weight_to[k] - p->weight_from[k]));
+  }
+  p->weighed = 0.0f, p->weighing = change, p->crossing = change > SOON;
+}
+
+static void limit_blend(md_player *p) {
+  float speed = 0.0f, acceleration = 0.0f;
+  for (int k = 0; k <= p->blended; k++) {
+    speed = most(speed, track_at(p, k)->motion->speed);
+    acceleration = most(acceleration, track_at(p, k)->motion->acceleration);
+  }
+  limit_join(p, speed, acceleration);
+}
+
+/* Adds the motion that was sought, with a weight of 0 so far. */
+static void add_motion(md_player *p) {
+  md_track *t = p->beside + p->blended;
+  float first = p->track.motion->seconds, other;
+  if (!p->blended) p->weight[0] = 1.0f, p->lasts[0] = first;
+  p->weight[++p->blended] = 0.0f, p->watched = -1.0f;
+  enter_found(p, t);
+  step_track(p, t, 0.0f, p->tempo);
+  other = t->motion->seconds; /* the shorter goes round a whole number of times while the longer does */
+  p->lasts[p->blended] = p->lasts[0] / first * other * (first < other ? 1.0f / rintf(other / first) : rintf(first / other));
+}
+
+/* Begins the blend of the plan, or looks first where the motion that is not playing yet is entered. */
+static void begin_blend(md_player *p) {
+  int added = place_of(p, p->going_to) == NONE ? p->going_to : place_of(p, p->with) == NONE ? p->with : NONE;
+  p->blending = 1, p->blending_to = p->going_to;
+  if (added == NONE) {
+    limit_blend(p);
+    change_weights(p);
+  } else {
+    seek_entry(p, added, p->posture, p->before);
+    p->adding = 1;
+  }
+}
+
+static void move_track(md_player *p, int from, int to) {
+  if (from == to) return;
+  *track_at(p, to) = *track_at(p, from);
+  p->weight[to] = p->weight[from], p->lasts[to] = p->lasts[from];
+  p->weight[from] = 0.0f;
+}
+
+/* Drops the motions whose weight has become 0; where the first one is dropped, that of the switch leads, or the next. */
+static void drop_weightless(md_player *p) {
+  int kept = 0, lead = place_of(p, p->blending_to);
+  if (p->weight[0] == 0.0f) {
+    if (lead == NONE || p->weight[lead] == 0.0f)
+      for (lead = 0; p->weight[lead] == 0.0f;) lead++;
+    move_track(p, lead, 0);
+  }
+  for (int k = 0; k <= p->blended; k++)
+    if (p->weight[k] != 0.0f) move_track(p, k, kept++);
+  if (kept <= p->blended) p->watched = -1.0f;
+  p->blended = kept - 1;
+  for (int k = 0; k < kept; k++) p->weight_from[k] = p->weight_to[k] = p->weight[k];
+}
+
+/* Gives the blend up for the motion that has most weight in it, and fades to that where it is. */
+static void give_up_blend(md_player *p) {
+  int nearest = 0;
+  for (int k = 1; k <= p->blended; k++)
+    if (p->weight[k] > p->weight[nearest]) nearest = k;
+  const md_motion *one = p->track.motion, *other = track_at(p, nearest)->motion;
+  float speed = most(one->speed, other->speed), acceleration = most(one->acceleration, other->acceleration);
+  limit_join(p, speed, acceleration);
+  move_track(p, nearest, 0);
+  play_alone(p);
+  begin_fade(p, 1.0f, speed, acceleration);
+  if (p->entering != NONE) return;
+  p->going_to = motion_index(p, other), p->with = NONE, p->current = p->fade_of_switch = p->waits = 1, p->blending = 0;
+}
+
+/* ---- switches and jumps (performance.py) ---- */
+
+static void switch_to_found(md_player *p) {
+  const md_motion *from = p->track.motion, *to = motion_row(p->figure, p->entering);
+  float speed = most(from->speed, to->speed), acceleration = most(from->acceleration, to->acceleration);
+  limit_join(p, speed, acceleration);
+  play_alone(p);
+  enter_found(p, &p->track);
+  fade_to(p, speed, acceleration);
 }
 
 static void jump_to(md_player *p, float phase) {
   const md_motion *m = p->track.motion;
-  limit_join(p, m, m);
+  limit_join(p, m->speed, m->acceleration);
   enter_phase(p, &p->track, m, phase);
-  fade_to(p, m, m);
+  fade_to(p, m->speed, m->acceleration);
+}
+
+static void show_extrapolated(md_player *p) {
+  for (int j = 0; j < p->joints; j++) p->shown[j] = 2.0f * p->posture[j] - p->before[j];
 }
 
 /* Goes a tick on; whether a fade has been completed with it. */
 static int perform(md_player *p) {
   const md_motion *m = p->track.motion;
   int completed = 0;
-  step_track(p, &p->track, p->dt, p->tempo * onset_of(p));
-  memcpy(p->shown, p->track.now, sizeof p->shown);
+  if (BLENDS && p->blended) {
+    step_blend(p);
+  } else {
+    step_track(p, &p->track, p->dt, p->tempo * onset_of(p));
+    memcpy(p->shown, p->track.now, sizeof p->shown);
+  }
+  p->problem = BLENDS && p->blended ? problem_of(p) : FINE;
   if (p->fading) {
     advance_fade(p);
     if (p->elapsed < p->fade.duration - SOON || p->has_gap) {
@@ -487,44 +710,80 @@ static int perform(md_player *p) {
   }
   if (p->limited) {
     float use = use_of_limits(p);
-    if (use > p->correct_from && !(p->fading && !p->found)) {
+    if (BLENDS && p->crossing) {
+      float wanted = bounded(1.0f - (use - EASED_FROM) / (EASED_TO - EASED_FROM), SLOWEST, 1.0f);
+      p->weight_pace += (wanted - p->weight_pace) * least(1.0f, p->dt / EASING_SECONDS);
+    }
+    if (BLENDS && p->blended) {
+      if (use > BLEND_TURNS_OVER) p->problem = OVER;
+    } else if (use > p->correct_from && !(p->fading && !p->found)) {
       float onset = onset_of(p);
       p->correct_from = use + CORRECTED_AGAIN;
-      for (int j = 0; j < p->joints; j++) p->shown[j] = 2.0f * p->posture[j] - p->before[j];
+      show_extrapolated(p);
       begin_fade(p, onset, m->speed, m->acceleration);
     }
   }
+  if (BLENDS && p->problem == OVER) show_extrapolated(p);
   return completed;
 }
 
 /* ---- the plan (switch_plan.py, tempo.py, deck.py) ---- */
 
-static void start_switch(md_player *p, int to, int direct) {
+static int apart(const md_player *p, int one, int other) { return next_on_way(p, one, other) != other; }
+
+/* Whether what plays goes on in the motion, or the blend of two, that is commanded. */
+static int goes_on(md_player *p, int to, int with) {
+  if (!BLENDS || !p->blended) return motion_index(p, p->track.motion) == to;
+  int known = (place_of(p, to) != NONE) + (place_of(p, with) != NONE), added = place_of(p, to) == NONE ? to : with;
+  if (with == NONE || !known || p->blended + 3 - known > MD_MOST_BLENDED) return 0;
+  for (int k = 0; known < 2 && k <= p->blended; k++) {
+    int other = motion_index(p, track_at(p, k)->motion);
+    if (apart(p, added, other) || apart(p, other, added)) return 0;
+  }
+  return 1;
+}
+
+/* Starts a switch to a motion, and then to its blend with another, if not NONE. */
+static void start_switch(md_player *p, int to, int direct, int with, float share) {
   const md_motion *here = p->track.motion;
-  int from = motion_index(p, here);
-  p->going_to = to, p->current = 1, p->fade_of_switch = 0, p->entering = NONE;
-  if (here->loop && to == from) {
-    p->current = 0;
+  p->going_to = to, p->with = with, p->share = share, p->current = 1, p->fade_of_switch = 0, p->entering = NONE;
+  if (p->blending) p->blending = 2; /* for a switch that was overtaken */
+  if (here->loop && goes_on(p, to, with)) {
+    if (!BLENDS || with == NONE)
+      p->current = 0;
+    else if (p->fading)
+      p->fade_of_switch = 1;
+    else
+      begin_blend(p);
     return;
   }
-  p->ahead = direct ? to : next_on_way(p, from, to);
+  p->ahead = direct ? to : next_on_way(p, motion_index(p, here), to);
   p->waits = !direct && !here->loop && !has_ended(&p->track);
 }
 
 static void take_next(md_player *p) {
-  int over = has_ended(&p->track) && !p->fading && p->entering == NONE;
+  int over = has_ended(&p->track) && !p->fading && p->entering == NONE && !p->crossing;
   if (!p->current && p->queued && over) {
     int to = p->queue[0];
     memmove(p->queue, p->queue + 1, (size_t)--p->queued);
-    start_switch(p, to, 0);
+    start_switch(p, to, 0, NONE, 0.0f);
   }
   if (p->ahead != NONE && (over || !p->waits)) {
     int motion = p->ahead;
     p->ahead = motion == p->going_to ? NONE : next_on_way(p, motion, p->going_to);
-    p->waits = 1, p->fade_of_switch = p->current;
-    seek_entry(p, motion);
+    p->waits = 1, p->fade_of_switch = p->current, p->blending = 0;
+    seek_entry(p, motion, p->shown, p->posture);
   } else if (p->entering != NONE) {
-    if (search_entry(p)) switch_to(p, motion_row(p->figure, p->entering)), p->entering = NONE;
+    if (search_entry(p)) {
+      if (BLENDS && p->adding) {
+        add_motion(p);
+        limit_blend(p);
+        change_weights(p);
+      } else {
+        switch_to_found(p);
+      }
+      p->entering = NONE;
+    }
   } else if (p->jump >= 0.0f) {
     jump_to(p, p->jump);
   }
@@ -557,8 +816,9 @@ static int another_tempo(md_beats *b, float interval) {
   return b->steady > 1 && captured(interval);
 }
 
-static void take_beat(md_beats *b, float ago) {
-  float before = b->before, since = b->last - ago;
+static void take_beat(md_beats *b, float ago, float dt) {
+  float passed = (float)b->ticks * dt, before = b->before + passed, since;
+  b->ticks = 0, b->last += passed, since = b->last - ago;
   b->before = ago;
   if (!b->counted) {
     begin_beats(b, ago);
@@ -604,9 +864,9 @@ static float steered_tempo(md_player *p) {
   if (!b->chosen || ratio > 1.6817928f || ratio < 0.59460356f)
     for (b->chosen = 1; b->chosen < 16 && beats > 1.4142135f * (float)b->chosen;) b->chosen *= 2;
   float steps = (float)(b->steps ? b->steps : b->chosen), tempo = seconds / (steps * b->period);
-  float behind = b->phase + b->last / b->period / steps - md_phase(p);
+  float behind = b->phase + (b->last + (float)b->ticks * p->dt) / b->period / steps - md_phase(p);
   float error = (behind - floorf(behind * steps + 0.5f) / steps) * seconds, size = fabsf(error);
-  if (size > 0.8f && !p->current && !p->fading && !p->paused) {
+  if (size > 0.8f && !p->current && !p->fading && !p->paused && !p->blended) {
     float to = md_phase(p) + error / seconds;
     p->jump = to - floorf(to);
     return in_direction(tempo, tempo);
@@ -621,7 +881,7 @@ static void advance_tempo(md_player *p) {
   if (p->beats.locked) goal = steered_tempo(p), rate = TEMPO_RATE;
   if (p->paused) goal = 0.0f, rate = TEMPO_RATE;
   float most_change = rate * p->dt;
-  p->beats.last += p->dt, p->beats.before += p->dt;
+  p->beats.ticks++;
   p->tempo += bounded(goal - p->tempo, -most_change, most_change);
 }
 
@@ -695,8 +955,7 @@ static float live_angle(md_player *p, md_live_state *l, float beneath) {
   l->at += bounded(p->decay * (off + pull * dt) - off, -way, way);
   l->moving = bounded(p->decay * (l->moving - FOLLOW * pull * dt), -l->share.speed, l->share.speed);
   if (!p->paused) {
-    l->left -= dt;
-    if (l->left <= SOON) l->share.goal = 0.0f;
+    if (--l->left <= SOON / dt) l->share.goal = 0.0f;
   }
   if (l->share.goal == 0.0f) approach_share(&l->share, fabsf(l->at - beneath), dt, !p->paused);
   float shown = beneath + l->share.share * (l->at - beneath);
@@ -717,11 +976,22 @@ static void mix_live_values(md_player *p) {
 static void update(md_player *p) {
   advance_tempo(p);
   if (perform(p) && p->entering == NONE) {
-    if (p->fade_of_switch && p->ahead == NONE) p->current = 0;
+    if (p->fade_of_switch && p->ahead == NONE) {
+      if (!BLENDS || p->with == NONE)
+        p->current = 0;
+      else
+        begin_blend(p);
+    }
     p->fade_of_switch = 0;
   }
+  if (BLENDS && p->problem && p->ahead == NONE) give_up_blend(p);
+  if (BLENDS && p->blending && p->entering == NONE && !p->crossing && !p->fading) {
+    drop_weightless(p);
+    if (p->blending == 1 && p->ahead == NONE) p->current = 0;
+    p->blending = 0;
+  }
   take_next(p);
-  if (!p->fading && p->entering == NONE) p->limited = 0;
+  if (!p->fading && p->entering == NONE && !p->crossing) p->limited = 0;
   memcpy(p->before, p->posture, sizeof p->before);
   memcpy(p->posture, p->shown, sizeof p->posture);
   memcpy(p->targets, p->shown, sizeof p->targets);
@@ -788,8 +1058,8 @@ static void set_phase(md_player *p, int phase) {
 }
 
 const float *md_step(md_player *p) {
-  if (p->within > 0.0f && p->silent > p->within + SOON && !p->missed) p->missed = 1, halt(p);
-  p->silent += p->dt;
+  if (p->within > 0.0f && p->silent * p->dt > p->within + SOON && !p->missed) p->missed = 1, halt(p);
+  p->silent += 1.0f;
   if (p->way == HOLDING) {
     if (at_rest(p) && p->phase == BRAKING) set_phase(p, p->demanded ? LATCHED : HELD);
     update(p);
@@ -818,10 +1088,8 @@ int md_begin(md_player *p, const uint32_t *figure, const float *measured) {
   memset(p, 0, sizeof *p);
   p->figure = figure, p->joints = (int)figure[JOINTS], p->dt = 1.0f / md_rate(figure);
   p->tempo = p->commanded_tempo = 1.0f, p->tempo_rate = TEMPO_RATE;
-  p->ahead = p->entering = NONE, p->jump = -1.0f, p->phase = RUNNING;
-  float y = FOLLOW * p->dt / 64.0f;
-  p->decay = 1.0f - y * (1.0f - y / 2.0f * (1.0f - y / 3.0f * (1.0f - y / 4.0f))); /* exp(-y), then its 64th power */
-  for (int doubled = 0; doubled < 6; doubled++) p->decay *= p->decay;
+  p->ahead = p->entering = p->with = NONE, p->weight[0] = 1.0f, p->jump = -1.0f, p->phase = RUNNING;
+  p->decay = exponential(-FOLLOW * p->dt);
   enter_phase(p, &p->track, motion_row(figure, 0), 0.0f);
   step_track(p, &p->track, 0.0f, 1.0f);
   memcpy(p->shown, p->track.now, sizeof p->shown);
@@ -862,12 +1130,24 @@ static int played(md_player *p) {
 int md_switch(md_player *p, int motion, int direct) {
   int refused = playable(p, motion);
   if (refused) return refused;
-  int under_way = p->current && p->going_to == motion && motion_row(p->figure, motion)->loop;
+  int under_way = p->current && p->going_to == motion && p->with == NONE && motion_row(p->figure, motion)->loop;
   p->queued = 0;
   if (!under_way || (direct && p->ahead != NONE)) {
     p->ahead = NONE;
-    start_switch(p, motion, direct);
+    start_switch(p, motion, direct, NONE, 0.0f);
   }
+  return played(p);
+}
+
+int md_blend(md_player *p, int first, int second, float weight) {
+  int refused = playable(p, first), other = playable(p, second);
+  if (refused || other) return refused ? refused : other;
+  if (!(weight >= -0.3f && weight <= 1.3f) || first == second) return MD_E_VALUE;
+  if (!BLENDS || !motion_row(p->figure, first)->loop || !motion_row(p->figure, second)->loop || apart(p, first, second))
+    return MD_E_BLEND;
+  int turned = p->blended && md_playing(p) == second; /* the one that leads stays the first */
+  p->queued = 0, p->ahead = NONE;
+  start_switch(p, turned ? second : first, 0, turned ? first : second, turned ? 1.0f - weight : weight);
   return played(p);
 }
 
@@ -901,7 +1181,7 @@ int md_beat(md_player *p, float ago) {
   if (stopped(p)) return MD_E_STOPPED;
   if (!(ago >= -2.0f && ago <= 2.0f)) return MD_E_VALUE;
   if (!p->beats.locked) md_lock(p, 0.0f, 0);
-  take_beat(&p->beats, ago);
+  take_beat(&p->beats, ago, p->dt);
   return 0;
 }
 
@@ -913,6 +1193,7 @@ int md_unlock(md_player *p) {
 int md_jump(md_player *p, float phase) {
   if (stopped(p)) return MD_E_STOPPED;
   if (!(phase >= 0.0f && phase <= 1.0f)) return MD_E_VALUE;
+  if (p->blended) return MD_E_BLEND;
   p->jump = phase;
   return 0;
 }
@@ -969,7 +1250,7 @@ int md_live(md_player *p, int joint, float value, float seconds) {
     l->share = share;
   }
   l->value = zero + fabsf(value) * ((value > 0.0f ? limits->upper : limits->lower) - zero);
-  l->left = seconds;
+  l->left = seconds / p->dt;
   return 0;
 }
 
@@ -1007,6 +1288,11 @@ void md_heartbeat(md_player *p, float within) { p->within = within, p->silent = 
 const float *md_targets(const md_player *p) { return p->targets; }
 int md_playing(const md_player *p) { return motion_index(p, p->track.motion); }
 int md_going_to(const md_player *p) { return p->current ? p->going_to : md_playing(p); }
+float md_weight(const md_player *p, int motion) {
+  for (int k = 0; BLENDS && k < p->blended; k++)
+    if (motion_index(p, p->beside[k].motion) == motion) return p->weight[k + 1];
+  return motion == md_playing(p) ? p->blended ? p->weight[0] : 1.0f : 0.0f;
+}
 float md_phase(const md_player *p) {
   const md_track *t = &p->track;
   float before = phase_of(t, 1), way = phase_of(t, 2) - before;

@@ -1,7 +1,7 @@
 /* Plays a figure on a microcontroller as Motiondeck's deck does: switches, fades, tempo, emergency stop, joint limits.
 
-   A figure is an array of 32-bit words that `motiondeck export` writes: motions of joints as keys of splines, the limits
-   of the joints, and what the deck knows of the motions. The player reads it where it lies, in flash. It has no heap, no
+   A figure is an array of 32-bit words that `motiondeck export` writes: motions of joints as keys of splines or as networks,
+   the limits of the joints, and what the deck knows of the motions. The player reads it where it lies, in flash. It has no heap, no
    global state and no recursion; all of its state is in a struct md_player of yours. Angles are in rad, times in s.
 
        static md_player player;
@@ -30,6 +30,12 @@
 #ifndef MD_MOST_LAYERS
 #define MD_MOST_LAYERS 4 /* coming, playing and going */
 #endif
+#ifndef MD_MOST_BLENDED
+#define MD_MOST_BLENDED 4 /* motions that play side by side, as in the deck: coming, playing and going; 1: no blends */
+#endif
+#ifndef MD_NETWORKS
+#define MD_NETWORKS 1 /* 0 without networks in the figure */
+#endif
 
 enum {
   MD_E_FIGURE = -1,  /* no figure, a damaged one, or one with more than MD_MOST_JOINTS joints */
@@ -37,7 +43,8 @@ enum {
   MD_E_VALUE = -3,   /* a number out of its range */
   MD_E_FULL = -4,    /* MD_MOST_QUEUED motions wait already, or MD_MOST_LAYERS layers play */
   MD_E_STOPPED = -5, /* the emergency stop is on */
-  MD_E_MOVING = -6   /* the joints still brake for the emergency stop */
+  MD_E_MOVING = -6,  /* the joints still brake for the emergency stop */
+  MD_E_BLEND = -7    /* motions that cannot be blended, or a jump while some are */
 };
 
 /* What the joints do: follow the motion, go slowly to where it is, are held, or are held by the emergency stop. */
@@ -45,12 +52,14 @@ enum { MD_PLAYING, MD_APPROACHING, MD_HELD, MD_STOPPED };
 
 /* One motion, as the figure has it. */
 typedef struct {
-  uint32_t keys, count, frames, moving; /* offset and number of the keys; frames, of which the first `moving` move */
+  uint32_t keys, count, frames, moving; /* offset and number of the keys, or 0; frames, of which the first `moving` move */
   uint32_t loop, steps;                 /* whether it is a loop; frames until its phase is 1 */
   uint32_t stride, anchors, entries;    /* frames from anchor to anchor; anchors, of which the first may be entered */
+  uint32_t searched;                    /* how many places or moments of it are weighed in a tick */
   float unit;                           /* of a key, rad */
   float spacing, seconds, whole;        /* s from anchor to anchor, of a round, and until its phase is 1 */
   float speed, acceleration;            /* the largest of a joint, rad/s and rad/s^2 */
+  float extent, pace;                   /* the largest way and speed of the end of a joint's bone, m and m/s */
   uint32_t name;                        /* offset in bytes among the names */
 } md_motion;
 
@@ -92,12 +101,14 @@ typedef struct {
 typedef struct {
   md_share share;
   int active, seen; /* and how many of its targets are known, up to 2 */
-  float left, value, at, moving, shown, shown_moving;
+  float left; /* ticks */
+  float value, at, moving, shown, shown_moving;
 } md_live_state;
 
 /* The beat that loops keep step with; times are s ago. */
 typedef struct {
   int locked, steps, chosen, counted, strays, was_stray, steady;
+  uint32_t ticks;                              /* since `last` and `before` were so long ago */
   float phase, period, last, before, interval; /* no period is known at 0 */
 } md_beats;
 
@@ -106,12 +117,20 @@ typedef struct {
   int joints;
   float dt;
 
-  md_track track;
+  md_track track; /* the motion that plays, or leads a blend */
   float before[MD_MOST_JOINTS], posture[MD_MOST_JOINTS], shown[MD_MOST_JOINTS]; /* the last two ticks and this one */
 
   /* The motion that is entered next, where it is compared with what was shown, and the best place so far. */
   int entering, compared, coarse, entry;
   float entry_cost, entered_from[MD_MOST_JOINTS], entered_speed[MD_MOST_JOINTS];
+
+  /* The blend: the motions beside the one that leads; of each its weight, where that goes from and to, and s of a round. */
+  md_track beside[MD_MOST_BLENDED > 1 ? MD_MOST_BLENDED - 1 : 1];
+  int blended, crossing, problem; /* motions beside; whether weights change; what is wrong with the blend */
+  float weight[MD_MOST_BLENDED], weight_from[MD_MOST_BLENDED], weight_to[MD_MOST_BLENDED], lasts[MD_MOST_BLENDED];
+  float weighed, weighing, weight_pace;            /* s of the change of weights, of all of it, and its pace */
+  float low[MD_MOST_JOINTS], high[MD_MOST_JOINTS]; /* where joints have been in half a second, m */
+  float watched;                                   /* s of that; below 0 at first */
 
   /* The fade of the last switch, and the gap between it and a shorter one that it began as. */
   int fading, has_gap;
@@ -129,6 +148,9 @@ typedef struct {
 
   /* The plan: what the present switch goes to, and what waits. */
   int going_to, current, ahead, waits, fade_of_switch, queued;
+  /* What is blended in then, and its weight; whether it is sought, whether weights change for it, and for whom. */
+  int with, adding, blending, blending_to;
+  float share;
   uint8_t queue[MD_MOST_QUEUED];
   float jump; /* the phase to go to in this tick; below 0 none */
 
@@ -146,7 +168,7 @@ typedef struct {
   int phase, way, demanded, missed;
   float from[MD_MOST_JOINTS], to[MD_MOST_JOINTS], approach; /* s */
   int32_t tick;
-  float within, silent;
+  float within, silent; /* s, and ticks since the heartbeat */
 
   REAL joint[MD_MOST_JOINTS][6]; /* an EnvelopeJoint each, see envelope.c */
   float safe[MD_MOST_JOINTS];
@@ -163,6 +185,8 @@ int md_begin(md_player *p, const uint32_t *figure, const float *measured);
 const float *md_step(md_player *p);
 
 int md_switch(md_player *p, int motion, int direct); /* to a motion, by way of others where it is far; else direct */
+/* Plays a loop with a weight of another from -0.3 to 1.3 in it: switches to the first, then blends the second in. */
+int md_blend(md_player *p, int first, int second, float weight);
 int md_queue(md_player *p, int motion);              /* plays a motion after the present round and what waits */
 int md_tempo(md_player *p, float tempo, float over); /* -3 to 3, 1 as recorded, reached within 0 to 60 s */
 int md_jump(md_player *p, float phase);              /* fades to a phase in [0, 1] of the present motion */
@@ -193,6 +217,7 @@ int md_find(const uint32_t *figure, const char *name); /* a motion by its name, 
 const float *md_targets(const md_player *p); /* the angles of the last tick before the limits, rad */
 int md_playing(const md_player *p);  /* the motion that plays now */
 int md_going_to(const md_player *p); /* the motion that is switched to, or that plays */
+float md_weight(const md_player *p, int motion); /* the present weight of a motion; 1 if it plays alone */
 float md_phase(const md_player *p);  /* 0 to 1 */
 int md_mode(const md_player *p);     /* MD_PLAYING ... */
 

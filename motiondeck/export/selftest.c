@@ -28,6 +28,7 @@ static int give(const golden_command *c) {
     case 's': return md_switch(&player, c->motion, c->value != 0.0f);
     case 'q': return md_queue(&player, c->motion);
     case 't': return md_tempo(&player, c->value, c->other);
+    case 'm': return md_blend(&player, c->motion, (int)c->other, c->value);
     case 'j': return md_jump(&player, c->value);
     case 'p': return md_pause(&player);
     case 'g': return md_resume(&player);

@@ -3,11 +3,14 @@
 The deck compares all places where a motion can be entered in one tick, and tries a fade in each `TRIAL_EVERY` seconds.
 A microcontroller has no time for that. So here, and in `player.c`, SEARCHED places are compared in a tick: one in
 COARSE of all, with the body as it was when the switch was due, then those about the best of them. Meanwhile what was
-played goes on; then the motion is entered as much further on. After that, SEARCHED moments of the trials of the fade
-are weighed in a tick. All else is the deck's.
+played goes on; then the motion is entered as much further on, or blended in. After that, SEARCHED moments of the trials
+of the fade are weighed in a tick. Of a motion that is held as a network it is fewer: `searched`. A blend that is given
+up goes over to its motion where that is. All else is the deck's.
 """
 
+from collections.abc import Mapping
 from math import floor
+from typing import Any
 
 import numpy as np
 
@@ -16,18 +19,19 @@ from controller.deck.joins.fade_search import FadeSearch, moments_of
 from controller.deck.joins.transition import Fade
 from controller.deck.performance import Performance
 from controller.deck.switch import CommandedSwitch
+from controller.deck.switch_plan import SwitchPlan
 from controller.motion.skeleton import Pose, Posture
 
-SEARCHED, COARSE = 5, 4
+SEARCHED, COARSE = 4, 4
 CARRIED = 0.4531  # rounds to a number of anchors; the usual tempos do not come near where it rounds up
 
 
 class _Search(FadeSearch):
-    stalled = False
+    stalled, searched = False, SEARCHED
     _spare = 0
 
     def advance(self, dt: float) -> Fade:
-        self._spare += 0 if self.stalled else SEARCHED
+        self._spare += 0 if self.stalled else self.searched
         return super().advance(dt)
 
     def _due(self) -> bool:
@@ -40,6 +44,7 @@ class _Search(FadeSearch):
 class _Performance(Performance):
     _searches = _Search
     entering: str | None = None
+    _blending: Mapping[str, float] | None = None  # the weights of the blend that a motion is sought for
 
     @property
     def fading(self) -> bool:
@@ -48,12 +53,39 @@ class _Performance(Performance):
     def step(self, dt: float, tempo: float) -> bool:
         if isinstance(self._search, _Search):
             self._search.stalled = self.entering is not None
-        return super().step(dt, tempo) and self.entering is None
+            self._search.searched = self._searched(self.motion.name)
+        completed = super().step(dt, tempo)
+        if self.blend_problem and self.entering is not None:
+            self._fall_back(max(weights := self.tracks.weights, key=weights.__getitem__))
+        return completed and self.entering is None
 
     def switch_to(self, motion: str, phase: float | None = None) -> None:
+        if self.blend_problem:
+            self._fall_back(motion)
+        else:
+            self._seek(motion, None, self.posture, self._shown)
+
+    def blend_in(self, weights: Mapping[str, float]) -> None:
+        if new := weights.keys() - self.tracks.weights.keys():
+            self._seek(new.pop(), weights, self._before, self.posture)
+            self._left -= 1
+        else:
+            super().blend_in(weights)
+
+    def _searched(self, motion: str) -> int:
+        network: Any = self.tracks.leading.player.network
+        return getattr(network.keys[motion], "searched", SEARCHED)
+
+    def _seek(self, motion: str, blend: Mapping[str, float] | None, before: Posture, now: Posture) -> None:
         compared = -(-len(self.motions[motion].places) // COARSE) + 2 * (COARSE - 1)
-        self.entering, self._from = motion, (self.posture, self._shown)
-        self._late = self._left = (compared - 1) // SEARCHED + 1
+        self.entering, self._from, self._blending = motion, (before, now), blend
+        self._late = self._left = (compared - 1) // self._searched(motion) + 1
+
+    def _fall_back(self, motion: str) -> None:
+        leaving, self.blend_problem = self.motion, ""
+        track = next(track for track in self.tracks.playing if track.motion.name == motion)
+        self._limit(leaving, track.motion)
+        self._begin_fade(self._play_alone(track), 1.0, leaving, track.motion)
 
     def jump(self, phase: float) -> None:
         if self.entering is None:
@@ -64,7 +96,7 @@ class _Performance(Performance):
             self._left -= 1
             if self._left < 0:
                 motion, self.entering = self.entering, None
-                super().switch_to(motion)
+                super().switch_to(motion) if self._blending is None else super().blend_in(self._blending)
         return super().finish_tick()
 
     def _best_anchor(self, motion: str, before: Posture, now: Posture) -> int:
@@ -78,15 +110,15 @@ class _Performance(Performance):
         return (found + gone) % count
 
 
+class _SpreadPlan(SwitchPlan):
+    _performance: Any
+
+    def command(self, switch: CommandedSwitch, *, direct: bool) -> CommandedSwitch:
+        self._performance.entering = None
+        return super().command(switch, direct=direct)
+
+
 class SpreadDeck(Deck):
     """A deck for golden traces."""
 
-    _performs = _Performance
-
-    def switch(self, to: str, *, direct: bool = False) -> CommandedSwitch:
-        """As of `Deck`."""
-        before = self.plan.current
-        switch = super().switch(to, direct=direct)
-        if switch is not before and isinstance(self.performance, _Performance):
-            self.performance.entering = None
-        return switch
+    _performs, _plans = _Performance, _SpreadPlan

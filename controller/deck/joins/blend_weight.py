@@ -25,6 +25,7 @@ from controller.networks.centralized.centralized import Passage
 
 # The longest time between two moments at which a mixture is computed, s, and the fewest of them.
 _STEP, _FEWEST = 0.025, 16
+SUMMED = 1e-9  # s, the rounding error of a sum of many ticks
 _LONGER = 1.1  # by which factor the time grows at least
 
 
@@ -115,7 +116,7 @@ class Ramps(Weights):
         self._elapsed += dt
         share = rise(min(1.0, self._elapsed / self._seconds))
         self.values = tuple((1.0 - share) * start + share * goal for start, goal in self._ends)
-        self.changing = self._elapsed < self._seconds
+        self.changing = self._elapsed < self._seconds - SUMMED
         return self.values
 
 

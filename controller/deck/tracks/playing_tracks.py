@@ -32,17 +32,17 @@ class BlendCheck:
         self._last: Array | None = None
         self._begin_window()
 
-    def problem(self, places: Array, dt: float) -> str:
+    def problem(self, places: Array, dt: float, tempo: float) -> str:
         """The problem of the blend: "stands still", "turns over", or "" for none.
 
-        Joint positions are as `Motion.places` has them, shape (F,), m; dt seconds of the motion were played since the
-        last call, 0 in a pause.
+        Joint positions are as `Motion.places` has them, shape (F,), m; the last call was dt seconds ago.
         """
         last, self._last = self._last, places
-        if last is not None and float(np.abs(places - last).max()) > self._fastest * dt > 0.0:
+        # Weights change as fast in a pause, and below the tempo of 1, as at it.
+        if last is not None and float(np.abs(places - last).max()) > self._fastest * dt * max(1.0, abs(tempo)):
             return "turns over"
         self._low, self._high = np.minimum(self._low, places), np.maximum(self._high, places)
-        self._played += dt
+        self._played += dt * abs(tempo)
         if self._played < HALF_A_SECOND:
             return ""
         still = float((self._high - self._low).max()) < self._least
@@ -95,10 +95,12 @@ class PlayingTracks:
     @property
     def blend(self) -> tuple[tuple[str, float], ...]:
         """The motions that are blended into the one that leads, each with its present weight."""
-        if not self.blending:
-            return ()
-        names = [track.motion.name for track in self.playing]
-        return tuple(zip(names[1:], self._weights.values[1:], strict=True))
+        return tuple(self.weights.items())[1:] if self.blending else ()
+
+    @property
+    def weights(self) -> dict[str, float]:
+        """The present weight of each motion that plays."""
+        return {track.motion.name: weight for track, weight in zip(self.playing, self._weights.values, strict=True)}
 
     @property
     def crossing(self) -> bool:
@@ -129,9 +131,9 @@ class PlayingTracks:
         for track in self.every:
             track.player.set_input(name, value)
 
-    def problem(self, places: Array, dt: float) -> str:
+    def problem(self, places: Array, dt: float, tempo: float) -> str:
         """The problem of a blend that is shown with joints at these places, or ""; see `BlendCheck.problem`."""
-        return self._check.problem(places, dt) if self._check is not None else ""
+        return self._check.problem(places, dt, tempo) if self._check is not None else ""
 
     def morph_to(self, motion: str, anchor: int, dt: float, tempo: float) -> None:
         """Starts a motion that takes over as the switching module of the network goes from one to the other."""

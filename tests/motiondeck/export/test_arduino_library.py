@@ -9,7 +9,7 @@ import pytest
 
 import arduino_boards
 from command_line import motiondeck
-from controller.wire.messages.commands import EmergencyStop, Jump, Pause, Queue, Reset, Resume, SetTempo, Switch
+from controller.wire.messages.commands import Blend, EmergencyStop, Jump, Pause, Queue, Reset, Resume, SetTempo, Switch
 from hardware.rig.rig_file import load_rig
 from motiondeck.export.c_folder import write_arduino
 from motiondeck.export.golden import deck_trace
@@ -23,6 +23,7 @@ SCRIPT = {
     160: ("tempo 1.5 0.5", SetTempo(1.5, 0.5)),
     230: ("queue shot3", Queue("shot3")),
     420: ("jump 0.25", Jump(0.25)),
+    440: ("blend loop1 loop2 0.4", Blend("loop1", "loop2", 0.4)),
     470: ("pause", Pause()),
     520: ("resume", Resume()),
     600: ("estop", EmergencyStop()),

@@ -2,7 +2,7 @@
 
 import shutil
 import subprocess
-from dataclasses import replace
+from dataclasses import astuple, replace
 from functools import cache
 from pathlib import Path
 from random import Random
@@ -12,10 +12,12 @@ import numpy as np
 import pytest
 from msgspec.structs import replace as replace_fields
 
+from benchmarks.export import _c_player as c_player
 from benchmarks.export._c_player import SANITIZED, CPlayer, beyond_limits, deck_plays, random_script, wide
 from command_line import motiondeck
 from controller.deck.interfaces import JointLimits
 from controller.deck.motion_generator import MotionGenerator
+from controller.deck.tracks import playing_tracks
 from controller.learning.trainers.centralized import TRAINER, CentralizedRecipe
 from controller.learning.training_set import TrainingSet
 from controller.library.motion_library import MotionLibrary
@@ -63,6 +65,65 @@ def test_no_limit_is_broken_whatever_is_commanded(seed):
     ours = player().trace(one, script, 600, measured)
     assert beyond_limits(one, measured, ours.safe) <= 0.0
     assert np.abs(np.diff(ours.safe, axis=0)).max() > 0.005
+
+
+def test_beats_live_values_and_heartbeats_last_as_long_as_in_the_deck():
+    """Sums of single ticks came to be off by some ms in half a minute."""
+    beats = [(20 + 53 * beat, commands.GiveBeat(ago=0.0)) for beat in range(6)]
+    held = [(300, commands.SetInput(name="joint1", value=0.4, seconds=30.0)), (310, commands.Heartbeat(within=32.0))]
+    ours, deck = (plays(wide(figure()), [*beats, *held], 3600, 0.0 * ONES) for plays in (player().trace, deck_plays))
+    assert np.abs(ours.safe - deck.safe).max() < 3e-4
+    assert np.ptp(deck.safe[-20:], axis=0).max() < 1e-6 < np.ptp(deck.safe[3440:3460], axis=0).max()
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_blends_of_blends_their_tempos_and_their_ends_are_those_of_the_deck(seed):
+    rng, one = Random(seed), wide(figure(seed))
+    loops = [name for name in one.library.network.motions if name.startswith("loop")]
+    script = [(10, commands.SetTempo(factor=round(rng.uniform(0.2, 2.5), 2)))]
+    for tick in range(20, 900, 90):
+        first, second = rng.sample(loops, 2)
+        weight = rng.choice([0.0, 0.5, 1.0, round(rng.uniform(-0.3, 1.3), 2)])
+        script += [(tick + rng.randrange(80), commands.Blend(first=first, second=second, weight=weight))]
+        script += [(tick + 85, commands.Queue(to=rng.choice(loops)))] * (rng.random() < 0.2)
+    ours, deck = (plays(one, script, 1000, 0.0 * ONES) for plays in (player().trace, deck_plays))
+    assert ours.accepted == deck.accepted
+    assert np.abs(ours.safe - deck.safe).max() < 1e-3
+
+
+def test_a_blend_that_is_given_up_goes_on_as_in_the_deck(tmp_path, monkeypatch):
+    """No motion of the tests stands still in a blend, so here one that moves less than three times as far does."""
+    for source in PLAYER:
+        (tmp_path / source.name).write_text(source.read_text().replace("#define STILL 0.1f", "#define STILL 3.0f"))
+    (tmp_path / "built").mkdir()
+    one, patient = wide(figure(1)), player()
+    monkeypatch.setattr(c_player, "PLAYER", [tmp_path / source.name for source in PLAYER])
+    monkeypatch.setattr(playing_tracks, "STILL", 3.0)
+    strict, pairs, rng = (
+        CPlayer(tmp_path / "built"),
+        [("loop0", "loop1"), ("loop1", "loop2"), ("loop2", "loop1")],
+        Random(0),
+    )
+    ticks = np.cumsum([rng.randrange(20, 110) for _ in range(40)]).tolist()
+    given = [(tick, pairs[min(n, rng.randrange(1, 3))], rng.choice([0.3, 0.45, 0.8])) for n, tick in enumerate(ticks)]
+    script = [(at, commands.Blend(first=one, second=other, weight=share)) for at, (one, other), share in given]
+    ours, deck = (plays(one, script, 2600, 0.0 * ONES) for plays in (strict.trace, deck_plays))
+    assert ours.accepted == deck.accepted
+    assert np.abs(ours.safe - deck.safe).max() < 1e-3
+    assert np.abs(deck.safe - patient.trace(one, script, 2600, 0.0 * ONES).safe).max() > 0.05
+
+
+def test_a_blend_is_the_mean_of_its_motions_in_step():
+    one = wide(figure(1))
+    names = [name for name in one.library.network.motions if name.startswith("loop")]
+    script = [(50, commands.Blend(first=names[0], second=names[1], weight=0.3))]
+    blended = player().trace(one, script, 700).safe[400:]
+    # The common round takes the weighted geometric mean of both: as often as it fits, it begins anew.
+    frames = [one.library.network[name].astype(float) for name in names[:2]]
+    common = round(len(frames[0]) ** 0.7 * len(frames[1]) ** 0.3 / 1.2)
+    assert np.abs(blended[common:] - blended[:-common]).max() < 0.02
+    spectra = [np.fft.rfft(part, axis=0)[0].real / len(part) for part in frames]
+    assert np.abs(blended[:common].mean(0) - 0.7 * spectra[0] - 0.3 * spectra[1]).max() < 0.01
 
 
 def test_a_missed_heartbeat_pauses_and_a_given_one_does_not():
@@ -115,16 +176,45 @@ def test_the_folder_builds_without_a_warning_and_its_golden_trace_passes(tmp_pat
             subprocess.run([*compiler.split(), *strict.split(), "-fsyntax-only", tmp_path / "player.c"], check=True)
 
 
-def test_a_centralized_library_is_exported_as_its_network_plays_it():
-    made, names = joint_library(JOINTS, loops=1, shots=1), [f"joint{k}" for k in range(JOINTS)]
+@cache
+def centralized():
+    made = joint_library(JOINTS, loops=2, shots=1)
     frames = {name: made.network.anchors(name) for name in made.network.motions}
-    lessons = TrainingSet(made.encoding, RATE, frames, {name: name == "loop0" for name in frames}).lessons()
+    lessons = TrainingSet(made.encoding, RATE, frames, {name: "loop" in name for name in frames}).lessons()
     network = TRAINER.train(CentralizedRecipe(iterations=5), lessons, 0)
-    library = MotionLibrary(replace_fields(made.info, network="centralized"), network, made.encoding)
-    one = figure_of(library, names, LIMITS, 0.0 * ONES, 100.0)
-    for name in frames:
+    return MotionLibrary(replace_fields(made.info, network="centralized"), network, made.encoding)
+
+
+def held(networks):
+    joints = [f"joint{k}" for k in range(JOINTS + 1)]  # of which the last has no motion
+    limits = JointLimits(*(np.append(one, one[-1]) for one in astuple(LIMITS)))
+    return figure_of(centralized(), joints, limits, np.array([0.0] * JOINTS + [0.3]), 100.0, networks=networks)
+
+
+@pytest.mark.parametrize("networks", [False, True])
+def test_a_centralized_library_is_exported_as_its_network_plays_it(networks):
+    one, library = held(networks), centralized()
+    assert set(one.held.values()) == {"network" if networks else "keys"}
+    for name in library.network.motions:
         played = MotionGenerator(library, name).frames(0.9, RATE)  # one without a phase begins a frame later
-        assert np.abs(MotionGenerator(one.library, name).frames(0.9, RATE)[1:] - played[:-1]).max() < 1e-3
+        found = MotionGenerator(one.library, name).frames(0.9, RATE)[1:]
+        assert np.abs(found[:, :JOINTS] - played[:-1]).max() < 1e-3
+        assert np.abs(found[:, JOINTS] - 0.3).max() < 1e-3
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_networks_are_evaluated_and_joined_as_the_deck_does(seed):
+    one, rng = wide(held(True)), Random(seed)
+    script = random_script(one, TICKS, rng, 25.0, layered=seed % 2 > 0)
+    deck, ours = deck_plays(one, script, TICKS, one.rest), player().trace(one, script, TICKS, one.rest)
+    assert ours.accepted == deck.accepted
+    assert np.abs(ours.safe - deck.safe).max() < 1e-3
+
+
+def test_a_network_that_does_not_come_near_enough_is_held_as_keys(monkeypatch):
+    assert set(held(True).bytes_of) == set(centralized().network.motions)
+    monkeypatch.setattr(figure_module, "MOST_CENTERS", 1)
+    assert set(held(True).held.values()) == {"keys"}
 
 
 def test_the_cost_is_what_a_compiler_finds_and_a_board_that_is_too_small_is_refused(tmp_path):

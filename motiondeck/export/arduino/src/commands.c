@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { MOST_WORDS = 4, LONGEST = 64, UNKNOWN = -100 };
+enum { MOST_WORDS = 5, LONGEST = 64, UNKNOWN = -100 };
 
 static const char *why(int answer) {
   switch (answer) {
@@ -13,7 +13,8 @@ static const char *why(int answer) {
     case MD_E_FULL: return "too many motions wait";
     case MD_E_STOPPED: return "the emergency stop is on: reset releases it";
     case MD_E_MOVING: return "the joints still brake";
-    case UNKNOWN: return "unknown; one of: MOTION, switch, queue, tempo, jump, pause, resume, estop, reset, heartbeat, status";
+    case MD_E_BLEND: return "these motions cannot be blended, or a jump has to wait for the end of a blend";
+    case UNKNOWN: return "unknown; one of: MOTION, switch, queue, blend, tempo, jump, pause, resume, estop, reset, heartbeat, status";
     default: return answer < 0 ? "it cannot be done" : "ok";
   }
 }
@@ -56,6 +57,11 @@ static int carried_out(md_player *p, char *const *words, int count) {
     int motion = second ? md_find(p->figure, second) : MD_E_MOTION;
     if (motion < 0) return motion;
     return first[0] == 'q' ? md_queue(p, motion) : md_switch(p, motion, third && !strcmp(third, "direct"));
+  }
+  if (!strcmp(first, "blend")) {
+    int motion = second ? md_find(p->figure, second) : MD_E_MOTION, other_motion = third ? md_find(p->figure, third) : MD_E_MOTION;
+    if (motion < 0 || other_motion < 0) return MD_E_MOTION;
+    return count != 4 || number(words[3], 1, &value) ? MD_E_VALUE : md_blend(p, motion, other_motion, value);
   }
   if (!strcmp(first, "tempo")) {
     int wrong = number(second, 1, &value) | number(third, 0, &other);

@@ -7,7 +7,7 @@
 extern "C" {
 #endif
 
-/* Carries out MOTION [direct], switch MOTION [direct], queue MOTION, tempo FACTOR [OVER], jump PHASE, pause, resume,
+/* Carries out MOTION [direct], switch MOTION [direct], queue MOTION, blend MOTION MOTION WEIGHT, tempo FACTOR [OVER], jump PHASE, pause, resume,
    estop, reset, heartbeat SECONDS, or status. Writes a line of at most `size` bytes, its end included, into `reply`;
    returns 0, or a negative MD_E... */
 int md_command(md_player *p, const char *line, char *reply, int size);

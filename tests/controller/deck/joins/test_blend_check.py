@@ -21,7 +21,7 @@ def march():
 
 
 def looked(watch, places, dt):
-    return [trouble for place in places if (trouble := watch.problem(place, dt))]
+    return [trouble for place in places if (trouble := watch.problem(place, dt, 1.0))]
 
 
 def test_a_motion_of_its_own_is_in_order(march):
@@ -41,6 +41,13 @@ def test_what_goes_faster_than_either_motion_turns_over(march):
     faster = replace(march, velocities=march.velocities * 0.1)
     watch = BlendCheck(faster, faster)
     assert "turns over" in looked(watch, march.places, march.spacing)
+
+
+@pytest.mark.parametrize("tempo", [0.0, 0.05, -0.3])
+def test_the_change_of_weights_in_a_pause_or_at_a_slow_tempo_is_no_turning_over(march, tempo):
+    places = march.places[: round(0.4 / march.spacing)]
+    watch = BlendCheck(march, march)
+    assert not any(watch.problem(place, march.spacing, tempo) for place in places)
 
 
 @pytest.fixture(scope="module")
