@@ -234,6 +234,28 @@ def _network(setting: Setting) -> Shots:
     page.close()
 
 
+def _plots(setting: Setting) -> Shots:
+    page = setting.open("")
+    page.get_by_role("tab", name="Plots").click()
+    for curve in ("angle/l_knee", "angle/r_knee", "current/l_knee", "loop/lateness", "loop/bus load"):
+        page.get_by_label("add a curve").select_option(curve)
+    page.get_by_role("button", name="10 s", exact=True).click()
+    page.get_by_role("button", name="Larger").click()
+    time.sleep(12.0)
+    yield "", page
+    page.close()
+
+
+def _networks(setting: Setting) -> Shots:
+    page = setting.open("")
+    page.get_by_role("tab", name="Networks").click()
+    page.get_by_label("motion beside").select_option("jog")
+    page.locator(".side-by-side b").get_by_text("jog", exact=True).wait_for()
+    time.sleep(2.0)
+    yield "", page
+    page.close()
+
+
 def _blend(setting: Setting) -> Shots:
     send(Blend("walk", "slow-walk", 0.25, also=(("jog", 0.4),)))
     time.sleep(4.0)
@@ -343,6 +365,8 @@ SCENES: dict[str, Callable[[Setting], Shots]] = {
     "playing": _playing,
     "past": _past,
     "network": _network,
+    "plots": _plots,
+    "networks": _networks,
     "hot-servo": _hot_servo,
     "registers": _registers,
     "blend": _blend,

@@ -35,20 +35,12 @@ def record(state: Path, out: Path, events: int | None = None) -> int:
         number, rows = reader.since(before)
         if len(rows):
             writer.append(rows)
-        if events is not None and (lines := _lines(events)):
-            writer.append_events(lines)
+        with contextlib.suppress(BlockingIOError):
+            while events is not None and (lines := os.read(events, 1 << 16)):  # the pipe holds no more
+                writer.append_events(lines)
         lost += number - before - len(rows)
     writer.close()
     return lost
-
-
-def _lines(file: int) -> bytes:
-    """What has come so far, without waiting: each is written in one piece."""
-    come = b""
-    with contextlib.suppress(BlockingIOError):
-        while part := os.read(file, 1 << 16):
-            come += part
-    return come
 
 
 def reason_file(state: Path) -> Path:

@@ -11,9 +11,6 @@ from typer import Argument, Option
 from motiondeck.page.event_looks import LOOKS, ROUTINE
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from controller.wire.messages.replies import Event
     from controller.wire.run_recording import RunRecording
 
 
@@ -37,15 +34,15 @@ def plot(
         print(json.dumps(figures))
         return
     picture = out or file.with_name(file.name + ".png")
-    _draw(recording, picture)
+    went_wrong = [event for event in figures["events"] if LOOKS.get(event["kind"], ROUTINE).mark == "bad"]
+    _draw(recording, went_wrong, picture)
     late = figures["lateness_us"]
     print(f"{figures['ticks']} ticks over {figures['seconds']:.1f} s, {figures['lost_ticks']} lost by the recorder")
     print(f"lateness p50 {late['p50']:.0f} us, p99.9 {late['p999']:.0f} us; {figures['commands']} commands")
     if figures["tracking_rmse_rad"] is not None:
         print(f"tracking error {figures['tracking_rmse_rad']:.4f} rad (rms)")
-    for event in figures["events"]:
-        if LOOKS.get(event["kind"], ROUTINE).mark == "bad":
-            print(f"at {event['s']:.2f} s {event['kind']}: {event['text']}")
+    for event in went_wrong:
+        print(f"at {event['s']:.2f} s {event['kind']}: {event['text']}")
     print(f"wrote {picture}")
 
 
@@ -68,17 +65,15 @@ def measure(recording: RunRecording) -> dict[str, Any]:
         "overruns": int(fields["overruns"][-1, 0]),
         "commands": int(np.count_nonzero(fields["command"])),
         "refused": int(np.count_nonzero(fields["refused"])),
-        "events": [{"s": seconds, "kind": one.kind, "text": one.text} for seconds, one in timed_events(recording)],
+        "events": [
+            {"s": (one.tick + 1) / recording.description["rate"], "kind": one.event.kind, "text": one.event.text}
+            for one in recording.events
+        ],
         "tracking_rmse_rad": float(np.sqrt(np.square(error).mean())) if len(error) else None,
     }
 
 
-def timed_events(recording: RunRecording) -> Iterator[tuple[float, Event]]:
-    """The events with their times, s, by which ticks are drawn."""
-    return (((one.tick + 1) / float(recording.description["rate"]), one.event) for one in recording.events)
-
-
-def _draw(recording: RunRecording, picture: Path) -> None:
+def _draw(recording: RunRecording, went_wrong: list[dict[str, Any]], picture: Path) -> None:
     import numpy as np
 
     from controller.wire.messages.command_table import RECORDED
@@ -103,10 +98,9 @@ def _draw(recording: RunRecording, picture: Path) -> None:
     blended = fields.get("blend_motion", np.empty((len(time), 0)))
     shown = sorted({int(index) for index in (*fields["playing"][:, 0], *blended[blended >= 0.0])})
     row = {index: place for place, index in enumerate(shown)}
-    for seconds, event in timed_events(recording):
-        if LOOKS.get(event.kind, ROUTINE).mark == "bad":
-            tracking.axvline(seconds, color="C6", linewidth=0.7)
-            tracking.annotate(event.kind, (seconds, 0.0), rotation=90, fontsize=7, color="C6")
+    for event in went_wrong:
+        tracking.axvline(event["s"], color="C6", linewidth=0.7)
+        tracking.annotate(event["kind"], (event["s"], 0.0), rotation=90, fontsize=7, color="C6")
     playing.step(time, [row[int(index)] for index in fields["playing"][:, 0]], where="post")
     for numbers in blended.T:
         there = numbers >= 0.0

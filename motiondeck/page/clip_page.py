@@ -14,8 +14,8 @@ from controller.motion.clip import Decision
 from controller.motion.rotations import Array
 from motiondeck.page.body.footprints import Print
 from motiondeck.page.body.live_marks import add_print
-from motiondeck.page.figures import BAD, UNSURE
 from motiondeck.page.scene import Follower, Scene
+from motiondeck.page.web.page_style import BAD, UNSURE
 from motiondeck.page.web.private_page import PrivatePage, served
 
 

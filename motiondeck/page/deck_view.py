@@ -16,11 +16,13 @@ from motiondeck.page.event_log import EventLog
 from motiondeck.page.event_looks import LOOKS, ROUTINE
 from motiondeck.page.learning.hand_recorder import HandRecorder
 from motiondeck.page.learning.learn_panel import LearnPanel
+from motiondeck.page.network.against_recording import AgainstRecordings
 from motiondeck.page.network.network_view import NetworkView
+from motiondeck.page.network.side_by_side import add_side_by_side
 from motiondeck.page.panel import Panel
 from motiondeck.page.past import Past
 from motiondeck.page.plots.history import History
-from motiondeck.page.plots.plots import Plots
+from motiondeck.page.plots.plots import add_plots
 from motiondeck.page.rig.rig_panel import RigPanel
 from motiondeck.page.rig.servo_look import JointGlow
 from motiondeck.page.rig.servo_tables import query_servos
@@ -56,7 +58,7 @@ class DeckView:
             BodyPush(self._scene.robot, height, about.push_ns, self._panel.send)
         self._add_side(model, about, commands, dropped)
         self._camera, self._centre = Follower(), np.zeros(2)
-        self._last_picture = self._last_health = self._run_s = 0.0
+        self._last_picture = self._last_health = 0.0
 
     def _add_side(self, model: mujoco.MjModel, about: PageDescription, commands: CommandClient, dropped: Path) -> None:
         """Puts the servos and the learning of new motions on the left, and the last minutes below."""
@@ -72,8 +74,13 @@ class DeckView:
                 self._rig = RigPanel(self._page, parts, rig, self._panel.ask, look)
             self._glow = JointGlow(self._page, model, [servo.joint for servo in rig.servos], self._scene.height)
         tab = partial(gui.add_folder, expand_by_default=False) if side is None else side.add_tab
+        if about.human is not None and about.library_file and not about.behind_s:
+            AgainstRecordings(self._history, Path(about.library_file), about.human.skeleton)
         with tab("Plots"):
-            self._plots = Plots(parts, self._history, self._past.moment)
+            add_plots(parts, self._history, self._past.moment)
+        if about.network_file and about.library_file:
+            with tab("Networks"):
+                add_side_by_side(parts, Path(about.network_file), Path(about.library_file).parent)
         with tab("Log"):
             self._log = EventLog(parts, self._past.look)
         if side is not None and about.learn and about.library_file:
@@ -91,12 +98,9 @@ class DeckView:
         """Draws a picture at a time, s, and for browsers that look back what was shown then."""
         self._past.timeline.keep(latest, shown_motions(latest.snapshot), now)
         self._history.keep(latest, now)
-        self._run_s = latest.snapshot.run_s
         if clients := self._page.get_clients():  # drawing without a browser costs as much
             self._draw(latest, min(now - self._last_picture, LONGEST_STEP))
             self._past.show(clients, self._panel.view(), self._centre, now)
-            self._plots.show(clients, now)
-            self._log.show(clients)
         self._last_picture = now
         servos = latest.servos
         if self._hands is not None and servos is not None:
@@ -144,7 +148,7 @@ class DeckView:
             self._past.call_back()
         self._panel.show_event(event)
         self._past.timeline.mark(event)
-        self._log.note(event, self._last_picture, self._run_s)
+        self._log.note(event, self._history.now, self._history.now_s)
 
     def end(self, reason: str) -> None:
         """Shows that the run has ended, and why."""

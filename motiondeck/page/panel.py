@@ -17,7 +17,6 @@ from controller.wire.messages.replies import Event, Refused
 from motiondeck.page.alarms import Notices
 from motiondeck.page.bodies import View
 from motiondeck.page.event_looks import LOOKS, ROUTINE
-from motiondeck.page.figures import loop_figures, recognition_text
 from motiondeck.page.ghost import WAYS
 from motiondeck.page.motions.motion_controls import MotionControls
 from motiondeck.page.operate import Operate, deck_buttons, deck_cues
@@ -86,7 +85,7 @@ class Panel:
     ) -> None:
         """Puts them on a page; `before` is called before each command."""
         self._page, self._commands, self._before = page, commands, before
-        self._motions, self._unrecognized = about.motions, about.unrecognized
+        self._motions = about.motions
         self._state = DeckSnapshot(motion="")
         self._moved = 0.0  # when a hand was on the tempo, s
         gui = page.gui
@@ -131,8 +130,9 @@ class Panel:
         if about.push_ns:
             self._add_pushes(about.push_ns)
         with gui.add_folder("loop", expand_by_default=False):
-            self._health = gui.add_html("")
-        self._recognition = gui.add_html("") if about.recognizable else None
+            self._health = self.parts.add("loop-figures", "health")
+        fixed = {"unrecognized": about.unrecognized}
+        self._recognition = self.parts.add("recognition", "seen", fixed) if about.recognizable else None
         self._add_keys()
         controls = {"tempo": self._tempo, "pause": self._pause, "home": self._home, "beat": self._tap}
         self._controls = [(control, BY_WORD[word]) for word, control in controls.items() if control is not None]
@@ -191,9 +191,12 @@ class Panel:
             control.disabled = now.mode not in command.modes
         if abs(tempo - self._tempo.value) > 0.024 and time.monotonic() - self._moved > HAND_ON:
             self._tempo.value = min(max(tempo, self._tempo.min), self._tempo.max)
-        self._health.content = loop_figures(now)
+        health = {name: value and round(value) for name, value in now.health._asdict().items()}
+        health |= {"rate": round(now.rate_hz, 1), "overruns": now.overruns, "lock": str(now.lock or "")}
+        self._health.show(health | {"restarts": now.restarts, "kept_apart": now.kept_apart})
         if self._recognition is not None:
-            self._recognition.content = recognition_text(now, self._unrecognized)
+            wrong = {"mismatch_s": round(now.mismatch_s, 1), "stuck": now.stuck}
+            self._recognition.show({"seen": now.seen and [now.seen.motion, round(now.seen.confidence, 2)], **wrong})
 
     def show_event(self, event: Event) -> None:
         """Shows an event that nothing else on the page shows."""

@@ -109,6 +109,18 @@ def recording_error(library: MotionLibrary, motion: str, recorded: RecordedPart)
     )
 
 
+def distances(played: Clip, phase: Array, recorded: RecordedPart) -> Array:
+    """How far joints of poses at phases (T,), 0 to 1, are from the recording's there, seen from the hips; mm.
+
+    Shape (T, joints); what is played has legs as long as the recorded ones.
+    """
+    since = recorded.since
+    wanted = _at(recorded.places, np.interp(phase * recorded.seconds, since, np.arange(len(since))))
+    places = landmark_places(played)[0]
+    places *= _leg_length(recorded.places) / _leg_length(places)
+    return 1000.0 * np.linalg.norm(_from_hips(places) - _from_hips(wanted), axis=-1)[:, 1:][:, recorded.known[1:]]
+
+
 def _leg_length(places: Array) -> float:
     lengths = np.linalg.norm(places[:, LEGS] - places[:, PARENT[np.array(LEGS) - 1]], axis=-1)
     return float(np.median(lengths, axis=0).sum())

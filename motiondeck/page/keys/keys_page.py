@@ -16,10 +16,9 @@ import viser
 
 from controller.motion.formats.keyframes import Easing
 from motiondeck.page.clip_page import Playhead, draw
-from motiondeck.page.figures import BAD
 from motiondeck.page.keys.draft import Draft
 from motiondeck.page.scene import Scene
-from motiondeck.page.web.page_style import QUIET
+from motiondeck.page.web.page_style import BAD, QUIET
 from motiondeck.page.web.parts import PageParts, ask
 from motiondeck.page.web.private_page import PrivatePage, served
 from motiondeck_base.errors import MotiondeckError

@@ -9,7 +9,6 @@ import re
 from collections.abc import Callable
 from pathlib import Path
 
-import numpy as np
 import viser
 from viser._messages import FileTransferPart, FileTransferPartAck, FileTransferStartUpload, RemoveNotificationMessage
 from viser.infra import ClientId
@@ -18,7 +17,6 @@ from controller.wire.messages.commands import LoadLibrary
 from motiondeck.page.learning.learning_process import Learned, LearningStep, LearnRequest, News, NotLearned, Seen, work
 from motiondeck.page.web.parts import Ask, PageParts
 from motiondeck.page.web.private_page import PrivatePage
-from motiondeck.page.web.stick_figure import curves_svg, figure_svg
 from motiondeck_base.files import shortened
 
 LONGEST_NAME = 40
@@ -45,7 +43,7 @@ class LearnPanel:
         upload.on_upload(lambda event: self._take(event.target.value))
         limit_uploads(page, MOST_BYTES, self._refuse)
         self._said = gui.add_html("")
-        self._strip = gui.add_html("", visible=False)
+        self._strip = parts.add("film-strip", "film-strip")
         self._part = gui.add_multi_slider(
             "part, s", min=0.0, max=1.0, step=0.01, initial_value=(0.0, 1.0), visible=False
         )
@@ -120,9 +118,7 @@ class LearnPanel:
 
     def _show_recording(self, seen: Seen, seconds: float, moving: tuple[float, float]) -> None:
         self._file = Path(seen.file)
-        pictures = [figure_svg(np.array([pose]), seen.parents) for pose in seen.figures]
-        pictures += [curves_svg(np.array(seen.angles))] if seen.angles else []
-        self._strip.content = f'<div class="film-strip">{"".join(pictures)}</div>'
+        self._strip.show({"figures": seen.figures, "parents": seen.parents, "angles": seen.angles})
         self._part.min, self._part.max = 0.0, round(seconds, 2)
         self._part.value = (round(moving[0], 2), round(moving[1], 2))
         self._name.value = re.sub(r"[^a-z0-9-]+", "-", self._file.stem.lower()).strip("-")[:LONGEST_NAME]
@@ -130,7 +126,9 @@ class LearnPanel:
         self._show_choices(visible=True)
 
     def _show_choices(self, *, visible: bool) -> None:
-        for widget in (self._strip, self._part, self._name, self._learn):
+        if not visible:
+            self._strip.show(None)
+        for widget in (self._part, self._name, self._learn):
             widget.visible = visible
 
     def _say(self, text: str, *, wrong: bool = False) -> None:

@@ -22,7 +22,6 @@ from controller.wire.messages.deck_snapshot import DeckSnapshot
 from motiondeck.page.web.page_state import PageDescription
 from motiondeck.page.web.parts import PageParts, Send
 from motiondeck.page.web.state_line import button_labels
-from motiondeck.page.web.stick_figure import figure_svg
 from motiondeck_base.errors import MotiondeckError
 
 MOMENTS = (0.1, 0.25, 0.4)  # of a motion, the last drawn darkest
@@ -39,19 +38,19 @@ class Partners(msgspec.Struct, frozen=True):
     never: str = ""  # why it cannot be blended at all; "" if it can be
 
 
-def pictures_of(library: MotionLibrary) -> dict[str, str]:
-    """A picture of each motion, drawn from what the network plays; none where there is no body to draw."""
+def pictures_of(library: MotionLibrary) -> dict[str, Any]:
+    """Some `poses` of each motion as the network plays it, m, and `parents` of bones; none without a body to draw."""
     skeleton = library.skeleton
     if skeleton.is_rig:
         return {}
-    network, found = library.network.twin(), dict[str, str]()
+    network, found = library.network.twin(), dict[str, list[Any]]()
     for motion in library.info.motions:
         played = run_free(network, motion.name, motion.frames)
         rows = [round(share * (motion.frames - 1)) for share in MOMENTS]
         rotation = library.encoding.decode(played[rows]).rotation
         joints = skeleton.joints(np.zeros((len(rows), 3)), rotation)
-        found[motion.name] = figure_svg(joints, skeleton.parent.tolist())
-    return found
+        found[motion.name] = joints.round(2).tolist()
+    return {"poses": found, "parents": skeleton.parent.tolist()}
 
 
 def blends_of(motions: Sequence[str], routes: Routes) -> dict[str, Partners]:
@@ -92,8 +91,8 @@ class MotionControls:
         self._motions, self._has_phase, self._send = about.motions, about.has_phase, send
         self._state = DeckSnapshot(motion="")
         self._touched = 0.0
-        # SVG by motion, empty until known; none for joints that were taught to a rig.
-        self.pictures: dict[str, str] = {}
+        # as `pictures_of`, once they are known.
+        self.pictures: dict[str, Any] = {}
         self.blends: dict[str, Partners] = {}  # by motion, what it can be blended with
         if about.library_file:
             Thread(target=self._look_into, args=(Path(about.library_file), about.direct), daemon=True).start()
@@ -117,7 +116,7 @@ class MotionControls:
         grid = {"labels": button_labels(now, self._motions), "looks": looks, "enabled": enabled}
         self._grid.show(grid | {"queue": list(now.queue), "orders": not now.switching})
         if self.pictures:
-            self._pictures.show({"grid": "motions", "pictures": self.pictures})
+            self._pictures.show({"grid": "motions", **self.pictures})
         if time.monotonic() - self._touched > HAND_ON:
             phase = round(now.phase or 0.0, 2) if self._has_phase else None
             partners = msgspec.to_builtins(self.blends.get(now.playing, Partners()))

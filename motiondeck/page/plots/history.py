@@ -1,92 +1,68 @@
-"""What the pictures of the last minutes held, in arrays of fixed size, and the curves that can be drawn of it."""
+"""Numbers of the pictures of the last minutes, by names, in arrays of fixed size."""
 
-import math
 from collections.abc import Callable
-from functools import partial
-from typing import NamedTuple
 
 import mujoco
 import numpy as np
 
-from controller.motion.rotations import Array, Indices, to_rotation_vector
+from controller.motion.rotations import Array, Indices
 from motiondeck.page.web.page_state import PageDescription, Picture
 from motiondeck_base.errors import FileFormatError
 from sim.models.joint_layout import JointLayout
 
 SECONDS = 180.0
 PICTURES = round(25 * SECONDS)  # kept: the page draws 25 a second
-MOST_POINTS = 600  # of a line
-_KEPT = ("qpos", "target", "human_root", "human_rotation", "activation", "servos", "bus")
-_GOAL, _MEASURED = 0, 1  # rows of `ServoStates`
-_OTHERS = {"current": (2, "A"), "temperature": (3, "°C"), "voltage": (4, "V")}
-Take = Callable[[Indices], Array]
-"""The values at the places of T pictures, shape (T,)."""
-
-
-class Curve(NamedTuple):
-    """What is drawn under one name: lines by their labels, in a unit."""
-
-    unit: str
-    lines: dict[str, Take]
+MOST_POINTS = 600  # of a curve
+_LOOP = ("late_us", "work_us", "phase")  # of a snapshot
+_SERVO_ROWS = ("goal", "measured", "current", "temperature", "voltage")  # the first of `ServoStates`
+_ANGLES = {"qpos": "measured", "target": "goal"}  # of simulated joints
+_WHOLE = {"bus": "busy", "activation": "neuron", "human_root": "root", "human_rotation": "rotation"}
 
 
 class History:
-    """The pictures of the last minutes, and their curves by group and name."""
+    """What is kept.
+
+    Attributes:
+        columns: of each number its place, by a name such as `l_knee goal`, `neuron 7` or `late_us`; angles are in rad.
+        values: of each picture the numbers, shape (PICTURES, columns).
+        at, run_s: when each picture was drawn, and the time of the run then, shape (PICTURES,), s.
+        motions: what played then.
+        now, now_s: both times of the latest picture, s.
+        derived: by name what is found from these where it is asked for: at some of the pictures, shape (T,).
+    """
 
     def __init__(self, about: PageDescription, model: mujoco.MjModel) -> None:
-        shapes = {name: about.shapes[name] for name in _KEPT if name in about.shapes}
-        self.kept = {name: np.full((PICTURES, *shape), np.nan, np.float32) for name, shape in shapes.items()}
-        self.motions = [""] * PICTURES
-        self.at, self.run_s, self._late, self._work, self.phase = numbers = np.full((5, PICTURES), np.nan)
-        self._numbers, self._count = numbers, 0
-        loop = {"lateness": self._late, "work": self._work}
-        lines = {name: Curve("µs", {name: kept.__getitem__}) for name, kept in loop.items()}
-        if "bus" in shapes:
-            lines["bus load"] = Curve("%", {"bus load": self._bus_load})
-        self.curves: dict[str, dict[str, Curve]] = {"angle": {}, "error": {}, "loop": lines}
-        for name, angle in _angles(model).items():
-            goal = partial(self._simulated, angle, "target") if "target" in shapes else None
-            self._add_joint(name, partial(self._simulated, angle, "qpos"), goal)
-        for place, servo in enumerate(about.rig.servos if about.rig is not None else ()):
-            name, column = servo.joint, partial(self._column, "servos")
-            self._add_joint(name, *(partial(self._degrees, (row, place)) for row in (_MEASURED, _GOAL)))
-            for group, (row, unit) in _OTHERS.items():
-                curve = Curve(unit, {f"{name} {group}": partial(column, (row, place))})
-                self.curves.setdefault(group, {})[name] = curve
-        for place in range(shapes.get("activation", [0])[0]):
-            curve = Curve("", {f"neuron {place + 1}": partial(self._column, "activation", (place,))})
-            self.curves.setdefault("neuron", {})[f"{place + 1}"] = curve
-        self.curves = {group: curves for group, curves in self.curves.items() if curves}
-
-    def _add_joint(self, name: str, measured: Take, goal: Take | None) -> None:
-        self.curves["angle"][name] = Curve("°", {f"{name} measured": measured})
-        if goal is not None:
-            self.curves["angle"][name].lines[f"{name} goal"] = goal
-            self.curves["error"][name] = Curve("°", {f"{name} error": lambda at: goal(at) - measured(at)})
-
-    def _column(self, kept: str, place: tuple[int, ...], at: Indices) -> Array:
-        return self.kept[kept][at, *place].astype(np.float64)
-
-    def _degrees(self, place: tuple[int, int], at: Indices) -> Array:
-        return np.degrees(self._column("servos", place, at))
-
-    def _simulated(self, angle: Callable[[Array], Array], kept: str, at: Indices) -> Array:
-        return np.degrees(angle(self.kept[kept][at].astype(np.float64)))
-
-    def _bus_load(self, at: Indices) -> Array:
-        """From each picture to the next of these, %; NaN where a bus was opened anew."""
-        busy = np.diff(self._column("bus", (0,), at), prepend=np.nan)
-        passed = np.diff(self.run_s[at], prepend=np.nan)
-        return 100.0 * np.where((busy >= 0.0) & (passed > 0.0), busy, np.nan) / passed
+        names = [*_LOOP]
+        try:
+            self._layout = JointLayout.of(model)
+        except FileFormatError:  # it is no robot's
+            self._layout = None
+        joints = self._layout.joints if self._layout is not None else ()
+        self._near = {kept: np.zeros(len(joints)) for kept in _ANGLES if kept in about.shapes and joints}
+        names += [f"{joint} {_ANGLES[kept]}" for kept in self._near for joint in joints]
+        servos = [servo.joint for servo in about.rig.servos] if about.rig is not None else []
+        names += [f"{joint} {row}" for row in _SERVO_ROWS for joint in servos]
+        self._whole = [kept for kept in _WHOLE if kept in about.shapes]
+        for kept in self._whole:
+            names += [f"{_WHOLE[kept]} {place + 1}" for place in range(int(np.prod(about.shapes[kept])))]
+        self.columns = {name: place for place, name in enumerate(names)}  # servos' angles are the later ones
+        self.values = np.full((PICTURES, len(names)), np.nan, np.float32)
+        self.at, self.run_s = np.full((2, PICTURES), np.nan)
+        self.motions, self._count, self.now, self.now_s = [""] * PICTURES, 0, 0.0, 0.0
+        self.derived: dict[str, Callable[[Indices], Array]] = {}
 
     def keep(self, picture: Picture, now: float) -> None:
         """Keeps a picture of a time, s."""
-        place, state = self._count % PICTURES, picture.snapshot
-        phase = math.nan if state.phase is None else state.phase
-        self._numbers[:, place] = now, state.run_s, state.late_us, state.work_us, phase
-        self.motions[place] = state.playing
-        for name, kept in self.kept.items():
-            kept[place] = getattr(picture.arrays, name)
+        place, state, arrays = self._count % PICTURES, picture.snapshot, picture.arrays
+        self.now, self.now_s = now, state.run_s
+        self.at[place], self.run_s[place], self.motions[place] = now, state.run_s, state.playing
+        for kept, near in self._near.items():
+            if self._layout is not None:
+                self._layout.read(getattr(arrays, kept), near, near)
+        loop = np.array([np.nan if (value := getattr(state, name)) is None else value for name in _LOOP])
+        servos = [arrays.servos[: len(_SERVO_ROWS)].ravel()] if arrays.servos is not None else []
+        whole = (getattr(arrays, name).ravel() for name in self._whole)
+        np.concatenate([loop, *self._near.values(), *servos, *whole], out=self.values[place], casting="same_kind")
         self._count += 1
 
     def places(self, begins: float, ends: float) -> Indices:
@@ -97,20 +73,13 @@ class History:
         every = -(-len(numbers) // MOST_POINTS) or 1
         return numbers[numbers % every == 0] % PICTURES  # the same ones whenever it is asked
 
+    def column(self, name: str, at: Indices) -> Array:
+        """The numbers of a name at some of the pictures, shape (T,)."""
+        if name in self.derived:
+            return self.derived[name](at)
+        return self.values[at, self.columns[name]].astype(np.float64)
 
-def _angles(model: mujoco.MjModel) -> dict[str, Callable[[Array], Array]]:
-    """By joint what takes its angles (T,), rad, from qpos (T, nq); none for a model that is no robot."""
-    try:
-        layout = JointLayout.of(model)
-    except FileFormatError:
-        return {}
-
-    def turn(place: Indices, axis: int, qpos: Array) -> Array:
-        return to_rotation_vector(qpos[:, place])[:, axis]
-
-    found: dict[str, Callable[[Array], Array]] = {}
-    for joint, place in zip(layout.hinge.tolist(), layout.hinge_qpos.tolist(), strict=True):
-        found[layout.joints[joint]] = lambda qpos, place=place: qpos[:, place]
-    for joints, place in zip(layout.ball.tolist(), layout.ball_qpos, strict=True):
-        found |= {layout.joints[joint]: partial(turn, place, axis) for axis, joint in enumerate(joints)}
-    return found
+    def block(self, kept: str, at: Indices) -> Array:
+        """All numbers of an array of pictures at some of them, shape (T, numbers)."""
+        places = [place for name, place in self.columns.items() if name.startswith(f"{_WHOLE[kept]} ")]
+        return self.values[at][:, places].astype(np.float64)

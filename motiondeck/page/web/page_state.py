@@ -62,6 +62,7 @@ class PageDescription(msgspec.Struct, frozen=True, kw_only=True):
     groups: list[str] = []  # of joints that layers play on
     live: list[str] = []  # groups and joints that take live values
     gazes: bool = False  # whether it can look at a point
+    behind_s: float = 0.0  # how late the human is shown, as the body follows it, s
     human: GhostDescription | None = None  # beside the robot, if its motion is known
     walks: bool = True  # whether its root moves, so that feet leave prints and a camera follows
     weight: float | None = None  # of a robot that stands on the floor alone, N

@@ -9,6 +9,7 @@ from pathlib import Path
 STATE_LINE = "state-line"  # the element, as `panel.css` and `show.css` name it
 # Of buttons: what is usual, what stops and nothing else, and what is quiet.
 CURRENT, STOPS, QUIET = (38, 110, 200), (201, 42, 42), (73, 80, 87)
+UNSURE, BAD = "var(--quiet)", "var(--fault)"  # colours of text
 NOTICE_SECONDS = 8.0
 
 

@@ -124,14 +124,14 @@ def recording(out: Path, description: Mapping[str, Any], rate: float) -> Iterato
     with run_folder() as folder:
         state = folder / "ticks"
         writer = StateWriter(state, description, fields, slots=max(2, int(np.ceil(KEPT_SECONDS * rate))))
-        theirs, ours = os.pipe2(os.O_NONBLOCK | os.O_CLOEXEC)  # events are in it until the recorder has started
-        try:
-            arguments = "controller.wire.recorder", str(state), str(out), "0"
-            with child_process(*arguments, patience=_PATIENCE, stdin=theirs) as process:
-                try:
-                    yield TickRecorder(writer, numbers, description["motions"], process, state, out, ours)
-                finally:
-                    writer.close()
-        finally:
-            os.close(theirs)
-            os.close(ours)
+        events, end = os.pipe2(os.O_NONBLOCK | os.O_CLOEXEC)  # it keeps what comes before the recorder has started
+        arguments = "controller.wire.recorder", str(state), str(out), "0"
+        with (
+            os.fdopen(events),
+            os.fdopen(end, "wb"),
+            child_process(*arguments, patience=_PATIENCE, stdin=events) as process,
+        ):
+            try:
+                yield TickRecorder(writer, numbers, description["motions"], process, state, out, end)
+            finally:
+                writer.close()

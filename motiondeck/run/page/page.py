@@ -105,6 +105,7 @@ class PageContents:
             live=[*groups, *(joint for joint in self.robots[0].joints if joint not in refused)],
             gazes=len(self.robots[0].gaze) > 0 and refused.isdisjoint(self.robots[0].gaze),
             human=human,
+            behind_s=simulation.stage.behind_s,
             walks=simulation.root != "fixed",
             weight=GRAVITY * float(robot.model.body_mass.sum()) if standing else None,
             push_ns=usual_push(robot.model) if self.robots[0].pushable is not None else 0.0,

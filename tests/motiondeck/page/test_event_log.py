@@ -44,7 +44,9 @@ def test_the_log_is_found_by_cause_servo_and_time_and_leads_back(tmp_path, brows
         ):
             find.fill(words)
             count.get_by_text(found, exact=True).wait_for()
-        at = page.evaluate("JSON.parse(document.querySelector('[data-state-of=log-entries]').dataset.state)[0][0]")
+        at = page.evaluate(
+            "JSON.parse(document.querySelector('[data-state-of=log-entries]').dataset.state).entries[0][0]"
+        )
         find.fill(f"0:{at:04.1f} fallen")
         count.get_by_text("1 of 4", exact=True).wait_for()
         find.fill("")

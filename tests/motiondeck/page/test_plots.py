@@ -32,27 +32,22 @@ def kept(pictures, every=0.04):
         states = ServoStates(*arrays.servos)
         states.goals[:], states.positions[:] = 0.0, np.radians([-(number % 90), 1.0])
         states.temperatures[:] = 30.0, np.nan
-        arrays.bus[0] = 0.25 * every * number if number < 50 else 0.25 * every * (number - 50)
+        arrays.bus[0] = 0.25 * every * number
         state = DeckSnapshot(motion="walk", run_s=every * number, late_us=float(number))
         history.keep(Picture(state, arrays), 100.0 + every * number)
     return history
 
 
-def test_curves_are_what_was_kept():
+def test_columns_are_what_was_kept():
     history = kept(100)
     at = history.places(101.0, 102.0)
     numbers = np.arange(25, 51)
-    take = {
-        label: line for group in history.curves.values() for one in group.values() for label, line in one.lines.items()
-    }
     np.testing.assert_allclose(history.run_s[at], 0.04 * numbers)
-    np.testing.assert_allclose(take["lateness"](at), numbers)
-    np.testing.assert_allclose(take["a measured"](at), -numbers, atol=1e-4)
-    np.testing.assert_allclose(take["a error"](at), numbers, atol=1e-4)
-    np.testing.assert_allclose(take["b temperature"](at), np.nan)
-    load = take["bus load"](at)  # not known at first, and where the bus was opened anew
-    np.testing.assert_array_equal(np.isnan(load), numbers % 25 == 0)
-    np.testing.assert_allclose(load[np.isfinite(load)], 25.0, atol=0.1)
+    np.testing.assert_allclose(history.column("late_us", at), numbers)
+    np.testing.assert_allclose(history.column("a measured", at), np.radians(-numbers), atol=1e-6)
+    np.testing.assert_allclose(history.column("a goal", at), 0.0)
+    np.testing.assert_allclose(history.column("b temperature", at), np.nan)
+    np.testing.assert_allclose(history.column("busy 1", at), 0.01 * numbers, atol=1e-6)
 
 
 def test_of_many_pictures_the_same_ones_are_drawn_each_time():
@@ -92,7 +87,7 @@ def test_the_table_of_a_plot_is_what_the_loop_wrote_and_no_other_browser_gets_it
         page.get_by_role("button", name="10 s", exact=True).click()
         page.get_by_role("img", name="rkne.y measured").wait_for()
         page.wait_for_function(
-            "JSON.parse(document.querySelector('[data-state-of=plot-lines]').dataset.state).run.length > 20"
+            "JSON.parse(document.querySelector('[data-state-of=plot-curves]').dataset.state).run.length > 20"
         )
         with page.expect_download() as table:
             page.get_by_role("button", name="CSV").click()
@@ -108,17 +103,17 @@ def test_the_table_of_a_plot_is_what_the_loop_wrote_and_no_other_browser_gets_it
             assert float(late) == tick % 7
         with Image.open(picture.value.path()) as drawn:
             assert len(np.unique(np.asarray(drawn.convert("L")))) > 20
-        assert not other.locator("[data-state-of=plot-lines]").count()
+        assert not other.locator("[data-state-of=plot-curves]").count()
 
         # A hand in the strip leads the plot of this browser to that moment; a tab that is not in sight gets no more.
         bar = page.locator(".timeline-strip .bar").bounding_box()
         page.mouse.click(bar["x"] + (1.0 - 2.0 / 180.0) * bar["width"], bar["y"] + 0.5 * bar["height"])
-        state = "JSON.parse(document.querySelector('[data-state-of=plot-lines]').dataset.state)"
+        state = "JSON.parse(document.querySelector('[data-state-of=plot-curves]').dataset.state)"
         page.wait_for_function(f"{state}.hand !== null")
         page.get_by_role("button", name="back to now").click()
         page.wait_for_function(f"{state}.hand === null")
         page.get_by_role("button", name="remove angle/rkne.y").click()
-        page.wait_for_function(f"{state}.lines.length === 1")
+        page.wait_for_function(f"Object.keys({state}.curves).length === 1")
     finally:
         end(viewer, page, other)
         deck.end()

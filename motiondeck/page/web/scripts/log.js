@@ -1,13 +1,14 @@
 // The log of the run: what has happened, the latest first, found by words. Nothing is sent while it is not in sight.
-// sends {looking: true or false}, and {moment} to look at what was then
+// asks with {known: how many it has had} each second while it is in sight; sends {moment} to look at what was then
 window.motiondeck.log ??= (() => {
   const { child, write } = motiondeck;
-  let [card, asked, entries] = [null, false, []];
+  const EVERY = 1000; // ms
+  let [card, told, count, entries] = [null, -EVERY, -1, []];
   let send = () => {};
 
   function tell() {
     const looking = Boolean(card?.isConnected && card.getClientRects().length && document.visibilityState === "visible");
-    if (looking !== asked) send({ looking: (asked = looking) });
+    if (looking && performance.now() - told >= EVERY) send({ known: count }), (told = performance.now());
   }
 
   const clock = (s) => `${Math.floor(s / 60)}:${(s % 60).toFixed(1).padStart(4, "0")}`;
@@ -48,13 +49,13 @@ window.motiondeck.log ??= (() => {
       card.count = child(card, "count", "span", "count");
       card.count.setAttribute("role", "status");
       card.list = child(card, "list", "div", "list");
-      setInterval(tell, 300);
+      setInterval(tell, 200);
     }
     element.append(card);
   }
 
-  return { build, take: (state) => ((entries = state), show()) };
+  return { build, take: (state) => (({ count, entries } = state), show()) };
 })();
 motiondeck.part("log", (element, state, send) => motiondeck.log.build(element, send));
-// state, of one browser: [[s of the run, moment, kind, title, text, whether it is an alarm]]
+// state, of one browser: {count, entries: [[s of the run, moment, kind, title, text, whether it is an alarm]]}
 motiondeck.part("log-entries", (element, state) => motiondeck.log.take(state));

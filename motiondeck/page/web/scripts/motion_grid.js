@@ -61,10 +61,11 @@ motiondeck.part("motion-grid", (element, state, send) => {
   queue.replaceChildren(...(chips.length ? ["next: ", ...chips] : []));
 });
 
-// Pictures for the buttons of a grid. state: {grid: id, pictures: {name: svg}}
-motiondeck.part("motion-pictures", (element, { grid, pictures }) => {
+// Pictures for the buttons of a grid. state: {grid: id, poses: {name: [pose]}, parents}
+motiondeck.part("motion-pictures", (element, { grid, poses, parents }) => {
   for (const box of document.querySelectorAll(`#${grid} .motion, [data-of="${grid}"] .motion`)) {
     const place = box.querySelector(".picture");
-    if (pictures[box.dataset.key] && !place.firstChild) place.innerHTML = pictures[box.dataset.key];
+    const own = poses[box.dataset.key];
+    if (own && !place.firstChild) place.innerHTML = motiondeck.figure(own, parents);
   }
 });

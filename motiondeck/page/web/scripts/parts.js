@@ -9,15 +9,31 @@ window.motiondeck ??= (() => {
   const setValue = Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, "value").set;
   let number = 0;
 
+  // viser sends what the field holds every 50 ms at most: of two parts that send at once, the second waits.
+  const APART = 60; // ms
+  const waiting = new Map();
+  let busy = false;
+
   function sender(id) {
     return (value) => {
-      const field = document.getElementById("part-events")?.parentElement?.nextElementSibling?.querySelector("input");
-      if (!field) return;
-      number += 1;
-      // The number makes two equal events differ: a field that does not change is not sent.
-      setValue.call(field, JSON.stringify([id, value, `${performance.timeOrigin}-${number}`]));
-      field.dispatchEvent(new Event("input", { bubbles: true }));
+      waiting.set(id, value);
+      if (!busy) sendNext();
     };
+  }
+
+  function sendNext() {
+    const [next] = waiting;
+    busy = Boolean(next);
+    if (!next) return;
+    const [id, value] = next;
+    waiting.delete(id);
+    setTimeout(sendNext, APART);
+    const field = document.getElementById("part-events")?.parentElement?.nextElementSibling?.querySelector("input");
+    if (!field) return;
+    number += 1;
+    // The number makes two equal events differ: a field that does not change is not sent.
+    setValue.call(field, JSON.stringify([id, value, `${performance.timeOrigin}-${number}`]));
+    field.dispatchEvent(new Event("input", { bubbles: true }));
   }
 
   function draw() {

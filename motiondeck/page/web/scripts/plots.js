@@ -1,22 +1,61 @@
 // Plots of curves that are chosen here: a pane for each unit, one time axis. Nothing is sent while they are not in sight.
-// fixed: {groups: {group: [name]}, most}; sends {curves: ["group/name"], seconds}, [] while they are not in sight.
+// fixed: {columns: a name a line, most}; asks with {curves: [column], seconds} each second while they are in sight. Here a curve is
+// "group/name", such as "error/l_knee", which is drawn from one or two columns.
 // A button anywhere with data-plot="group/name" adds that curve and opens the tab of the plots.
 window.motiondeck.plots ??= (() => {
   const { child, write } = motiondeck;
   const COLOURS = ["#1c7ed6", "#d9480f", "#2b8a3e", "#c2255c", "#7048e8", "#0b7285", "#846358", "#868e96"];
   const SPANS = [10, 60, 180];
-  const NAMES = { angle: "angle: goal and measured", error: "error: goal less measured", loop: "loop and bus" };
+  const NAMES = { angle: "angle: goal and measured", error: "error: goal less measured", loop: "loop and bus", recording: "off the recording" };
+  const UNITS = { current: "A", temperature: "°C", voltage: "V" };
+  const LOOP = { lateness: "late_us", work: "work_us" };
+  const degrees = (angle) => (angle === null ? null : Math.round((180000 * angle) / Math.PI) / 1000);
   const AXIS = 46; // pixels left of a pane
-  let [curves, seconds, large, last, card, asked] = [[], 60, false, null, null, ""];
+  const EVERY = 1000; // ms
+  let [curves, seconds, large, last, card, asked, told, columns] = [[], 60, false, null, null, "", 0, new Set()];
   let send = () => {};
+
+  // What is drawn of a curve: its unit, and lines with a label, the columns that they need, and how they come from these.
+  function parts(curve) {
+    const [group, name] = [curve.slice(0, curve.indexOf("/")), curve.slice(curve.indexOf("/") + 1)];
+    const angle = (what) => ({ label: `${name} ${what}`, needs: [`${name} ${what}`], of: (values) => values.map(degrees) });
+    const alone = (label, column) => ({ label, needs: [column], of: (values) => values });
+    if (group === "angle") return ["°", [angle("measured"), angle("goal")].filter(({ needs }) => columns.has(needs[0]))];
+    const apart = (here, there) => here.map((one, k) => (one === null || there[k] === null ? null : degrees(there[k] - one)));
+    if (group === "error") return ["°", [{ label: `${name} error`, needs: [`${name} measured`, `${name} goal`], of: apart }]];
+    if (group === "recording") return ["mm", [alone(`${name} off the recording`, `recording ${name}`)]];
+    if (group === "neuron") return ["", [alone(`neuron ${name}`, `neuron ${name}`)]];
+    if (name === "bus load") return ["%", [{ label: name, needs: ["busy 1"], of: load }]];
+    if (group === "loop") return ["µs", [alone(name, LOOP[name])]];
+    return [UNITS[group], [alone(`${name} ${group}`, `${name} ${group}`)]];
+  }
+
+  // From each picture to the next of these; not known where a bus was opened anew.
+  function load(busy) {
+    return busy.map((one, k) => {
+      const passed = last.run[k] - last.run[k - 1];
+      const used = one - busy[k - 1];
+      return k && used >= 0 && passed > 0 ? Math.round((10000 * used) / passed) / 100 : null;
+    });
+  }
+
+  function offers() {
+    const named = (suffix) => [...columns].filter((one) => one.endsWith(` ${suffix}`)).map((one) => one.slice(0, -suffix.length - 1));
+    const found = { angle: named("measured"), error: named("goal"), loop: [...Object.keys(LOOP), ...(columns.has("busy 1") ? ["bus load"] : [])] };
+    for (const group of Object.keys(UNITS)) found[group] = named(group);
+    for (const group of ["recording", "neuron"])
+      found[group] = [...columns].filter((one) => one.startsWith(`${group} `)).map((one) => one.slice(group.length + 1));
+    return Object.entries(found).filter(([, names]) => names.length);
+  }
 
   function tell() {
     const seen = card?.isConnected && card.getClientRects().length && document.visibilityState === "visible";
-    const wanted = { curves: seen ? curves : [], seconds };
-    const text = JSON.stringify(wanted);
-    if (text === asked || (!asked && !wanted.curves.length)) return;
-    asked = text;
-    send(wanted);
+    const needed = curves.flatMap((one) => parts(one)[1].flatMap(({ needs }) => needs));
+    const text = JSON.stringify({ curves: [...new Set(needed)], seconds });
+    const waited = performance.now() - told >= EVERY;
+    if (!seen || !needed.length || (text === asked && !waited)) return;
+    [asked, told] = [text, performance.now()];
+    send(JSON.parse(text));
   }
 
   function choose(name) {
@@ -49,10 +88,10 @@ window.motiondeck.plots ??= (() => {
     button(card.deeds, "png", "PNG", savePicture);
     button(card.deeds, "large", large ? "Smaller" : "Larger", () => ((large = !large), show()));
     card.classList.toggle("large", large);
+    card.dataset.in = "inspect";
     const home = large ? document.body : card.home;
     if (card.parentElement !== home) home.append(card);
     for (const name of ["csv", "png"]) card.deeds.querySelector(`[data-key=${name}]`).disabled = !curves.length;
-    write(child(card, "hint", "div", "hint"), curves.length ? "" : "Choose a curve, or several.");
     tell();
     draw();
   }
@@ -63,12 +102,22 @@ window.motiondeck.plots ??= (() => {
 
   function panes() {
     const units = new Map();
-    for (const [name, label, unit, values] of last?.lines ?? []) {
-      if (!curves.includes(name)) continue;
-      if (!units.has(unit)) units.set(unit, []);
-      const hue = COLOURS[curves.indexOf(name) % COLOURS.length];
-      units.get(unit).push({ label, values, hue, dashed: label.endsWith(" goal") });
-    }
+    const unknown = [];
+    curves.forEach((curve, place) => {
+      const [unit, lines] = parts(curve);
+      const drawn = lines.filter(({ needs }) => needs.every((one) => last?.curves[one]));
+      for (const { label, needs, of } of drawn) {
+        const values = of(...needs.map((one) => last.curves[one]));
+        if (values.every((one) => one === null)) {
+          unknown.push(label);
+          continue;
+        }
+        if (!units.has(unit)) units.set(unit, []);
+        units.get(unit).push({ label, values, hue: COLOURS[place % COLOURS.length], dashed: label.endsWith(" goal") });
+      }
+    });
+    const hint = unknown.length ? `Not known: ${unknown.join(", ")}` : "Choose a curve, or several.";
+    write(child(card, "hint", "div", "hint"), curves.length && !unknown.length ? "" : hint);
     return [...units];
   }
 
@@ -193,7 +242,8 @@ window.motiondeck.plots ??= (() => {
   }
 
   function build(element, say) {
-    const { groups, most } = JSON.parse(element.dataset.fixed);
+    const { columns: names, most } = JSON.parse(element.dataset.fixed);
+    columns = new Set(names.split("\n"));
     send = say;
     if (!card) {
       card = document.createElement("div");
@@ -201,19 +251,19 @@ window.motiondeck.plots ??= (() => {
       const select = child(card, "add", "select", "");
       select.setAttribute("aria-label", "add a curve");
       select.add(new Option("add a curve …", ""));
-      for (const [group, names] of Object.entries(groups)) {
+      for (const [group, names] of offers()) {
         const section = document.createElement("optgroup");
         section.label = NAMES[group] ?? group;
         section.append(...names.map((name) => new Option(name.replaceAll("_", " "), `${group}/${name}`)));
         select.add(section);
       }
       select.onchange = () => {
-        if (curves.length < most) choose(select.value);
+        if (curves.length < most / 2) choose(select.value);
         select.value = "";
       };
       card.spans = child(card, "spans", "span", "row");
       card.deeds = child(card, "deeds", "span", "row");
-      setInterval(tell, 300);
+      setInterval(tell, 200);
       addEventListener("resize", () => last && draw());
       addEventListener("motiondeck-view", () => last && draw());
       document.addEventListener("click", ({ target }) => {
@@ -233,5 +283,5 @@ window.motiondeck.plots ??= (() => {
 motiondeck.part("plots", (element, state, send) => motiondeck.plots.build(element, send));
 
 // state, of one browser: {seconds, ends: s from now, hand: s from the end or null, at: [s from the end], run: [s of the
-// run], lines: [[curve, label, unit, [value]]]}
-motiondeck.part("plot-lines", (element, state) => motiondeck.plots.take(state));
+// run], curves: {column: [value]}}
+motiondeck.part("plot-curves", (element, state) => motiondeck.plots.take(state));

@@ -65,3 +65,22 @@ def test_a_name_in_the_strip_is_whole_or_cut_where_it_still_says_what_was_played
     finally:
         tab.close()
         page.stop()
+
+
+@pytest.mark.thorough
+def test_recognition_says_what_is_wrong_and_nothing_of_names_is_taken_for_html(browser):
+    page = PrivatePage(free_port(), "test")
+    seen = PageParts(page).add("recognition", "seen", {"unrecognized": "standing still"})
+    seen.show({"seen": ["<b>jog", 0.1], "mismatch_s": 1.5, "stuck": "knee"})
+    tab = browser.new_page(viewport={"width": 900, "height": 600})
+    tab.set_default_timeout(60_000)
+    try:
+        tab.goto(page.address)
+        tab.get_by_text("<b>jog", exact=True).wait_for()
+        tab.get_by_text("not what was commanded, for 1.5 s; knee does not follow").wait_for()
+        seen.show({"seen": None, "mismatch_s": 0.0, "stuck": ""})
+        tab.get_by_text("standing still").wait_for()
+        tab.get_by_text("knee does not follow").wait_for(state="detached")
+    finally:
+        tab.close()
+        page.stop()

@@ -10,8 +10,6 @@ from controller.loop.loop import run
 from controller.loop.output_channel import Channel
 from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.loop.stop_requests import StopRequest
-from controller.wire.messages.deck_snapshot import DeckSnapshot, Recognized
-from motiondeck.page.figures import recognition_text
 from motiondeck.run.recognition.watches import RecognitionWatch, summary_lines
 from synthetic import small_library
 
@@ -114,12 +112,3 @@ def test_a_joint_that_sticks_is_said_once_and_stops_the_run_if_asked(library, st
     assert capsys.readouterr().err.count(f"joint {joint} ") == 1
     assert (bool(request), report["stopped"]) == (stop, stop)
     assert watch.stuck == joint
-
-
-def test_the_page_says_what_is_wrong_and_nothing_of_names_is_taken_for_html():
-    state = DeckSnapshot(motion="walk", seen=Recognized("<b>jog", 0.1), mismatch_s=1.5, stuck="knee")
-    page = recognition_text(state, "standing still")
-    assert "&lt;b&gt;jog" in page
-    assert "not what was commanded, for 1.5 s" in page
-    assert "knee does not follow" in page
-    assert "standing still" in recognition_text(DeckSnapshot(motion="walk"), "standing still")
