@@ -15,7 +15,6 @@ from controller.deck.motion_generator import MotionGenerator
 from controller.library.motion_library import MotionLibrary
 from controller.motion.canonical.canonical_body import root_height
 from controller.motion.encodings.robot_joints import ROOT, RobotBody
-from controller.motion.rotations import Array
 from motiondeck.export.c_folder import write_folder
 from motiondeck.export.figure import Figure, figure_of
 from motiondeck.page.body.solids import batches
@@ -30,6 +29,7 @@ FREE = JointLimits(*(np.full(len(ROOT), free) for free in (-1e3, 1e3, 1e3, 1e5, 
 MOST_TRIANGLES = 800  # of a mesh: less than on the live page, since the folder is sent to others
 SAMPLES, POSE_UNIT = 20.0, 8192.0  # of a human: poses a second, and what their numbers are multiplied with
 BODIES = ("body_parentid", "body_pos", "body_quat", "jnt_type", "jnt_bodyid", "jnt_qposadr", "jnt_axis", "jnt_pos")
+COPIES = ("geom", "offset", "scale", "colour", "opacity")
 SHAPES = ("qpos0", "geom_bodyid", "geom_pos", "geom_quat", "site_bodyid", "site_pos")
 
 
@@ -85,7 +85,7 @@ def drawn_figure(model: mujoco.MjModel, layout: JointLayout) -> dict[str, Any]:
     led = [np.column_stack(group).tolist() for group in zip(layout.followers, layout.leaders, curves, strict=True)]
     shapes = [
         {
-            **{name: _listed(getattr(batch, name)) for name in ("geom", "offset", "scale", "colour", "opacity")},
+            **{name: np.round(getattr(batch, name), 6).tolist() for name in COPIES},
             **{
                 name: [_packed(vertices.tobytes()), _packed(faces.astype("<u2").tobytes())]
                 for name, (vertices, faces) in (("mesh", batch.mesh), ("shadow", batch.shadow))
@@ -96,12 +96,8 @@ def drawn_figure(model: mujoco.MjModel, layout: JointLayout) -> dict[str, Any]:
     sites = [model.site(site).name for site in range(model.nsite)]
     labels = [name.removeprefix(LABEL) if name.startswith(LABEL) else "" for name in sites]
     joints = {"hinge": layout.hinge.tolist(), "hinge_qpos": layout.hinge_qpos.tolist(), "led": led}
-    parts = {name: _listed(getattr(model, name)) for name in BODIES + SHAPES}
+    parts = {name: np.round(getattr(model, name), 6).tolist() for name in BODIES + SHAPES}
     return {**parts, **joints, "shapes": shapes, "labels": labels, "height": body_height(model)}
-
-
-def _listed(values: Array | float) -> Any:
-    return np.round(values, 6).tolist()
 
 
 def _packed(values: bytes) -> str:
