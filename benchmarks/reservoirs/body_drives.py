@@ -16,6 +16,9 @@ that it was at, carried to the recording that a way names by dynamic time warpin
   that it sees 0.4 s ahead as well (`controller/learning/completion.py`).
 - *GRU*: 64 units, trained until its loss on held-out parts no longer falls.
 - *nearest*: the mean of the eight moments whose last 0.4 s is nearest.
+- *oracle*: a bound for what these points tell. It is told when the motion or the phase changes, gets the points
+  without noise and losses, and takes the recording, place and tempo (0.5, 1 or 2) whose points since then, of 0.5 s at
+  most, are nearest by the measure of the filter. It tells no body.
 
 With `--points joints` a rig leads the filter: eight of servo20's twenty joints, those of head and arms, are moved by
 hand through what the stranger did, 0.05 rad off and with the same losses; stalls and jumps too, but no pushes. And of
@@ -32,17 +35,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import product
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
 import typer
+from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from benchmarks import command
 from benchmarks.reservoirs.measured_joints import WALKS
 from controller.deck.person_follower import ARM
-from controller.deck.phase_filter import RATE, PhaseFilter
+from controller.deck.phase_filter import MOVED, PAST, PLACE, RATE, UP, PhaseFilter
 from controller.learning.completion import complete_body, complete_joints
 from controller.motion.canonical.canonical_body import carried, to_canonical
 from controller.motion.canonical.clip_edits import resampled
@@ -65,7 +70,8 @@ POINTS = {
 SEGMENTS, SEGMENT_SECONDS = 14, 3.6
 NEAREST = 8
 LAGS = (0, 3, 6, 9, 12)  # steps
-NEURONS, RANK, LEAK, RIDGE, MEMORY = 600, 40, 0.43, 0.03, 0.3  # of the reservoir; s over which evidence is summed
+NEURONS, RANK, LEAK, RIDGE, MEMORY = 600, 40, 0.43, 0.01, 0.3  # of the reservoir; s over which evidence is summed
+LONGEST = 15  # steps that the oracle compares
 
 
 @dataclass(frozen=True)
@@ -330,7 +336,7 @@ def by_conceptors(
         NEURONS,
         given.shape[1],
         spectral_radius=0.9 if recurrent else 0.0,
-        input_scale=1.0 / np.sqrt(given.shape[1]),
+        input_scale=0.7 / np.sqrt(given.shape[1]),
         bias_scale=0.5,
         leak=LEAK if recurrent else 1.0,
         rng=np.random.default_rng(seed),
@@ -343,7 +349,9 @@ def by_conceptors(
     *driven, states = (one[first:] for one in drive(reservoir, signals))
     x, body = np.concatenate(driven), np.concatenate([one.body for one in learned])
     of = np.concatenate([np.full(len(one.body), one.motion) for one in learned])
-    whole = with_one(states) @ ridge(x, np.column_stack([body, np.eye(motions)[of]]), RIDGE)
+    # Readouts see the points too, not only the neurons.
+    beside, given = np.column_stack([states, signals[-1][first:]]), np.column_stack([x, (given - middle) / spread])
+    whole = with_one(beside) @ ridge(given, np.column_stack([body, np.eye(motions)[of]]), RIDGE)
     told = {"C = 1": Told(in_world(whole[:, : body.shape[1]], origin, angles), whole[:, body.shape[1] :].argmax(1))}
     cost, read = np.empty((motions, len(states))), np.empty((motions, len(states), body.shape[1]))
     for motion in range(motions):
@@ -354,7 +362,7 @@ def by_conceptors(
         inside = off @ rows[:RANK].T
         within = np.square(inside / (singular[:RANK] / np.sqrt(len(own)))).mean(1)
         cost[motion] = (np.square(off).sum(1) - np.square(inside).sum(1)) / left + within + np.log(left)
-        read[motion] = with_one(states) @ ridge(own, body[of == motion], RIDGE)
+        read[motion] = with_one(beside) @ ridge(given[of == motion], body[of == motion], RIDGE)
     keep = np.exp(-1.0 / RATE / MEMORY)
     for step in range(1, len(states)):
         cost[:, step] = keep * cost[:, step - 1] + (1.0 - keep) * cost[:, step]
@@ -394,6 +402,43 @@ def by_completion(known: Sequence[Recorded], points: Sequence[int], stream: Stre
     markers = Markers(tuple(labels), RATE, stream.measured, "z", "stream")
     whole = complete_body(markers, labels, [one.clip for one in known], body)
     return {"clip complete": Told(whole.joints(), np.full(len(whole), -1))}
+
+
+def by_oracle(known: Sequence[Recorded], points: Sequence[int], stream: Stream) -> dict[str, Told]:
+    """The nearest points, undisturbed, since the last change, of which it is told."""
+    steps = len(stream.joints)
+    since = np.arange(steps) - np.maximum.accumulate([k if event else 0 for k, event in enumerate(stream.event)])
+    asked = np.array(stream.joints)[:, points]
+    of = np.concatenate([np.full(len(one.joints), k) for k, one in enumerate(known)])
+    frame = np.concatenate([np.arange(len(one.joints)) for one in known])
+    rows = np.concatenate([one.joints[:, points] for one in known])
+    flat, every = rows.reshape(len(rows), -1), np.arange(len(rows))
+    best, found = np.full(steps, np.inf), np.zeros(steps, dtype=int)
+
+    def seen(past: Sequence[Array]) -> tuple[NDArray[np.complex64], NDArray[np.float32]]:
+        """Places about their middle and changes, x + i y and heights, of points now, a step ago, ...; weighed."""
+        flat = [(_plane(one) - _plane(one).mean(1, keepdims=True)) / PLACE for one in past]
+        up = [one[..., 2] / PLACE for one in past]
+        for now, before in zip(past[:-PAST], past[PAST:], strict=True):
+            flat.append((_plane(now) - _plane(before)) / MOVED)
+            up.append((now - before)[..., 2] / MOVED)
+        heights = np.sqrt(UP) * np.concatenate(up, axis=1)
+        return np.concatenate(flat, axis=1).astype(np.complex64), heights.astype(np.float32)
+
+    for tempo, long in product((0.5, 1.0, 2.0), range(1, LONGEST + 1)):
+        now = np.flatnonzero(since >= long - 1 if long == LONGEST else since == long - 1)
+        back = [tempo * lag for lag in range(long)]
+        ends = np.flatnonzero(frame >= back[-1])
+        past = [between_rows(flat, every, ends - lag).reshape(-1, *asked.shape[1:]) for lag in back]
+        (q, g), (z, h) = seen(past), seen([asked[now - lag] for lag in range(long)])
+        error = np.square(np.abs(q)).sum(1) + np.square(g).sum(1) - 2.0 * np.abs(z @ np.conj(q).T) - 2.0 * h @ g.T
+        error += (np.square(np.abs(z)).sum(1) + np.square(h).sum(1))[:, None]
+        least = error.min(1, initial=np.inf)
+        nearer = least < best[now]
+        best[now[nearer]], found[now[nearer]] = least[nearer], ends[error[nearer].argmin(1)]
+    recording = of[found]
+    motion = np.array([one.motion for one in known])[recording]
+    return {"oracle": Told(np.full((steps, *stream.joints[0].shape), np.nan), motion, recording, frame[found])}
 
 
 def by_gru(
@@ -569,6 +614,7 @@ def main(
             for name, one in by_conceptors(learned, stream, motions, recurrent=False, seed=seed).items():
                 told["W = 0" if name == "conceptors" else "W = 0, C = 1"] = one
             told |= by_window(learned, stream, motions) | by_completion(known, seen, stream)
+            told |= by_oracle(known, seen, stream)
             if gru:
                 told |= (found := by_gru(learned, stream, motions, seed))[0]
                 losses[actor] = found[1]

@@ -46,7 +46,6 @@ class BodyPlace:
     motion: int
     evidence: float  # the probability of that motion
     frame: float  # of the motion, at RATE; the mean about its likeliest frame
-    deviation: float  # of that, frames
     tempo: float  # mean, in the motion's own
 
 
@@ -122,10 +121,8 @@ class PhaseFilter:
         top += int(frames[top : top + 2 * ABOUT + 1].argmax()) - ABOUT
         weight = np.pad(own.sum(0), 2 * ABOUT, mode=mode)[top + ABOUT : top + 3 * ABOUT + 1]
         weight = weight / max(float(weight.sum()), 1e-300)
-        off = float(weight @ around)
-        deviation = float(np.sqrt(weight @ np.square(around - off)))
         tempo = float(TEMPOS @ own.sum(1) / max(float(own.sum()), 1e-300))
-        return BodyPlace(best, float(evidence[best]), top + off, deviation, tempo)
+        return BodyPlace(best, float(evidence[best]), top + float(weight @ around), tempo)
 
     def _weigh(self, belief: Array, points: Array, moved: Array) -> None:
         """Weighs the belief by the points and their changes, (K, 3), and learns the person's own offsets."""

@@ -21,9 +21,9 @@ class CompletionRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, 
     neurons: int = 600  # N
     spectral_radius: float = 0.9  # of W; with 0, and `memory_seconds` 0, only the present measurement counts
     memory_seconds: float = 0.06  # time constant of the neurons, s
-    input_scale: float = 1.0  # of W_in, for one channel of deviation 1; it shrinks with the square root of their number
+    input_scale: float = 0.7  # of W_in, for one channel of deviation 1; it shrinks with the square root of their number
     bias_scale: float = 0.5  # of b
-    ridge: float = 0.03  # gamma of the regression, per training frame
+    ridge: float = 0.01  # gamma of the regression, per training frame
 
     def leak(self, rate: float) -> float:
         """The leak a of neurons with a time constant of `memory_seconds` at a rate, Hz."""
@@ -60,6 +60,7 @@ def learn_completion(
     settling = round(SETTLING_SECONDS * hertz)
     signals = [(part - mean) / deviation for part in given]
     driven = drive(reservoir, [np.concatenate([np.repeat(one[:1], settling, axis=0), one]) for one in signals])
-    states, targets = np.concatenate([one[settling:] for one in driven]), np.concatenate(wanted)
+    states = np.column_stack([np.concatenate([one[settling:] for one in driven]), np.concatenate(signals)])
+    targets = np.concatenate(wanted)
     gamma = number_within(recipe.ridge, "ridge", 0.0, 1e9) * len(states)
     return Completion(reservoir, mean, deviation, affine_ridge(states, targets, gamma), hertz, settling)

@@ -1,10 +1,11 @@
 """Reconstructs unmeasured channels: an echo-state network that a measured signal drives.
 
     s(n) = (u(n) - m) / d
-    x(n) = (1 - a) x(n-1) + a tanh(W x(n-1) + W_in s(n) + b),      y(n) = R x(n) + r
+    x(n) = (1 - a) x(n-1) + a tanh(W x(n-1) + W_in s(n) + b),      y(n) = R [x(n), s(n)] + r
 
 The signal u is that of some joints of a body, y is the whole body. There is no phase: x remembers the measurements of
-about dt / a. One frame of hands and head rarely determines the feet; its past does so better.
+about dt / a. One frame of hands and head rarely determines the feet; its past does so better. What follows from s in
+proportion need not pass through the neurons.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ class Completion:
     reservoir: Reservoir  # N neurons with C inputs
     mean: Array  # m of the measured signal, shape (C,), in its unit
     deviation: Array  # d of it, likewise
-    readout: Array  # (R, r), shape (D, N + 1)
+    readout: Array  # (R, r), shape (D, N + C + 1)
     rate: float  # at which it was learned, Hz
     settling: int  # frames in which the first measurement is held, until the reservoir has forgotten its start
 
@@ -38,7 +39,7 @@ class Completion:
         signal = (time_series(measured, "the measured signal", len(self.mean)) - self.mean) / self.deviation
         held = np.concatenate([np.repeat(signal[:1], self.settling, axis=0), signal])
         (states,) = drive(self.reservoir, [held])
-        return states[self.settling :] @ self.readout[:, :-1].T + self.readout[:, -1]
+        return np.concatenate([states[self.settling :], signal], axis=1) @ self.readout[:, :-1].T + self.readout[:, -1]
 
     def follow(self, measured: Array) -> LiveCompletion:
         """The same frame by frame, from a measurement (C,) on; MotiondeckError for one of another shape or NaN."""
@@ -63,11 +64,12 @@ class LiveCompletion:
         values = _values(measured, len(self._last))
         self._last = np.where(np.isfinite(values), values, self._last)
         self._advance()
-        return self.completion.readout[:, :-1] @ self.state + self.completion.readout[:, -1]
+        readout = self.completion.readout
+        return readout[:, :-1] @ np.concatenate([self.state, self._signal]) + readout[:, -1]
 
     def _advance(self) -> None:
         own, part = self.completion, self.completion.reservoir
-        signal = (self._last - own.mean) / own.deviation
+        self._signal = signal = (self._last - own.mean) / own.deviation
         driven = np.tanh(part.weights @ self.state + part.input_weights @ signal + part.bias)
         self.state = (1.0 - part.leak) * self.state + part.leak * driven
 

@@ -39,6 +39,13 @@ def test_frame_by_frame_is_the_same(completion: Completion) -> None:
     assert np.array([follower.step(frame) for frame in measured]) == pytest.approx(completion.complete(measured))
 
 
+def test_what_is_in_proportion_is_told_beyond_what_was_learned() -> None:
+    """Through neurons alone, which saturate, twice the swing was told 0.25 too small."""
+    hand, _ = swing(4.0, 1.0)
+    found = learn_completion([(hand, -hand)], RATE, recipe=SMALL, seed=3).complete(2.0 * hand)
+    assert np.abs(found + 2.0 * hand).max() < 0.05
+
+
 def test_a_value_that_is_not_seen_keeps_its_last(completion: Completion) -> None:
     first, second = completion.follow(np.array([0.3])), completion.follow(np.array([0.3]))
     first.step(np.array([0.5]))
