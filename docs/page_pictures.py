@@ -1,7 +1,7 @@
 """Makes the pictures of the page in these docs: plays the shipped library in a browser, and takes screenshots.
 
 Each scene is shown in three windows: page-NAME.webp (1366 x 768), page-NAME-large.webp (1920 x 1080) and
-page-NAME-phone.webp (390 x 844).
+page-NAME-phone.webp (390 x 844). A phone shows the operate view, where the scene is not of the inspect view alone.
 
 .venv/bin/python docs/page_pictures.py [FOLDER [NAME...]]        # default: all, into docs/pictures
 """
@@ -87,25 +87,33 @@ class Setting:
     hands: Callable[[str], None]
     work: Path
 
-    def open(self, window: str) -> Any:
-        """The page in a browser window of a size, when it shows what happens."""
+    def open(self, window: str, view: str = "inspect") -> Any:
+        """The page in a browser window of a size and in a view, when it shows what happens."""
         width, height = WINDOWS[window]
         page = self.browser.new_page(viewport={"width": width, "height": height})
         page.set_default_timeout(PATIENCE_MS)
-        page.goto(self.address)
+        page.goto(f"{self.address}/?view={view}")
+        if view == "operate":
+            page.locator(".operate .motion").last.wait_for()
+            return page
         page.locator("#state-line").wait_for()
         # The browser's own notice: it draws without a graphics card here.
         page.get_by_text("Software WebGL").locator("xpath=../..").get_by_role("button").click()
         page.get_by_role("button", name=re.compile("^walk")).locator("svg").first.wait_for(state="attached")
         return page
 
-    def shots(self, arrange: Callable[[Any], None] = lambda page: None, seconds: float = 3.0) -> Shots:
-        """The page in each window, one after the other, arranged and then left alone for some seconds."""
+    def shots(
+        self, arrange: Callable[[Any], None] = lambda page: None, seconds: float = 3.0, on_phone: str = "operate"
+    ) -> Shots:
+        """The page in each window, one after the other, arranged if in inspect, then left alone for some seconds."""
         for window in WINDOWS:
-            page = self.open(window)
-            arrange(page)
+            view = on_phone if window == "-phone" else "inspect"
+            page = self.open(window, view)
+            if view == "inspect":
+                arrange(page)
             time.sleep(seconds)
-            page.wait_for_function("!document.querySelector('.mantine-Notification-root')")
+            if view == "inspect":
+                page.wait_for_function("!document.querySelector('.mantine-Notification-root')")
             yield window, page
             page.close()
 
@@ -227,7 +235,7 @@ def _look_inside(page: Any) -> None:
 
 
 def _network(setting: Setting) -> Shots:
-    yield from setting.shots(_look_inside, 5.0)
+    yield from setting.shots(_look_inside, 5.0, on_phone="inspect")
     page = setting.open("")
     page.get_by_text("view", exact=True).click()
     page.get_by_role("checkbox", name="network").click()
@@ -266,7 +274,7 @@ def _on_its_way(setting: Setting) -> Shots:
     send(Switch("crawl"))
     time.sleep(8.0)
     send(SetTempo(0.03), Switch("waltz"))
-    yield from setting.shots(lambda page: page.get_by_text("ON ITS WAY").wait_for(), 1.0)
+    yield from setting.shots(lambda page: page.locator("#state-line").get_by_text("ON ITS WAY").wait_for(), 1.0)
     send(SetTempo(1.0))
     time.sleep(6.0)
 
@@ -289,7 +297,7 @@ def _learning(setting: Setting) -> Shots:
     page.get_by_role("button", name="Learn it").click()
     page.get_by_role("button", name="Play it").wait_for()
     page.close()
-    yield from setting.shots(_learned)
+    yield from setting.shots(_learned, on_phone="inspect")
 
 
 def _learned(page: Any) -> None:
@@ -354,10 +362,10 @@ def _show(setting: Setting) -> Shots:
 
 
 def _ended(setting: Setting) -> Shots:
-    pages = {window: setting.open(window) for window in WINDOWS}
+    pages = {window: setting.open(window, "operate" if window == "-phone" else "inspect") for window in WINDOWS}
     send(Stop())
-    for page in pages.values():
-        page.get_by_text("ENDED", exact=True).wait_for()
+    for window, page in pages.items():
+        page.locator(".operate .word" if window == "-phone" else "#state-line").get_by_text("ENDED").wait_for()
     yield from pages.items()
 
 
