@@ -41,7 +41,8 @@ class Coupling:
         self._ratio = np.array([servo.direction * servo.gear for servo in servos])  # turns of the horn per joint turn
         self._per_radian = np.array([servo.pulses_per_radian for servo in servos])
         for device in devices:
-            device.bank.drive.couple(makers_motor(device.model))
+            device.bank.drive.use(makers_motor(device.model))
+            device.bank.drive.coupled = True
         self._angles, _ = plant.advance(np.zeros(len(config.joints)), 0.0)
         for device, pulses in zip(devices, self._per_radian * self._angles[self._joint_of], strict=True):
             device.bank.shaft[device.row] += pulses

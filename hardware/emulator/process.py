@@ -14,18 +14,8 @@ class EmulatorProcess:
     """A running emulator; it ends with `stop`, with the `with` block, or with the process that started it."""
 
     def __init__(self, process: subprocess.Popen[str], ports: list[str]) -> None:
-        self._process = process
-        self.ports = ports  # what a client opens, in the order of the rig's ports
-
-    @property
-    def port(self) -> str:
-        """The only one, or the first."""
-        return self.ports[0]
-
-    @property
-    def pid(self) -> int:
-        """The process that emulates."""
-        return self._process.pid
+        self._process, self.pid = process, process.pid
+        self.ports, self.port = ports, ports[0]  # what a client opens, in the order of the rig's ports; the first
 
     def __enter__(self) -> Self:
         return self

@@ -276,18 +276,10 @@ def _ask(joint: RigJoint, identity: Identity, bus: Bus) -> ServoReport:
         why.append(f" ({voltage:.1f} V; its own limits are {low:.1f} and {high:.1f} V)")
     if bits & HEAT:
         why.append(f" ({temperature:.0f} degC; its own limit is {value('temperature_limit')} degC)")
-    return ServoReport(
-        name=joint.name,
-        id=joint.id,
-        model=identity.model,
-        firmware=identity.firmware,
-        torque=value("torque_enable") != 0,
-        errors=describe_errors(bits) + "".join(why) if bits else "",
-        position=joint.angle(place - joint.whole_turns(place)),
-        temperature=temperature,
-        voltage=voltage,
-        return_delay_us=2 * value("return_delay_time"),
-    )
+    errors, torque = describe_errors(bits) + "".join(why) if bits else "", value("torque_enable") != 0
+    known = joint.name, joint.id, identity.model, identity.firmware, torque, errors
+    angle = joint.angle(place - joint.whole_turns(place))
+    return ServoReport(*known, angle, temperature, voltage, 2 * value("return_delay_time"))
 
 
 def _turns_endlessly(joint: RigJoint, differences: Iterable[Difference]) -> bool:

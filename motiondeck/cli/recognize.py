@@ -148,16 +148,11 @@ def _streamed(recognizer: Recognizer, clip: Any) -> dict[str, Any]:
 def describe(recognizer: Recognizer) -> dict[str, Any]:
     """The facts of a recognizer, for scripts."""
     return {
-        "motions": list(recognizer.bank.classes),
-        "clips": recognizer.clips,
-        "neurons": recognizer.bank.recipe.neurons,
-        "groups": recognizer.bank.recipe.groups,
-        "leak": recognizer.bank.recipe.leak,
-        "channels": recognizer.bank.readouts.shape[2],
-        "joints": list(recognizer.recipe.joints),
-        "rate_hz": recognizer.recipe.rate,
-        "threshold": recognizer.threshold,
-    }
+        "motions": list(recognizer.bank.classes), "clips": recognizer.clips, "neurons": recognizer.bank.recipe.neurons,
+        "groups": recognizer.bank.recipe.groups, "leak": recognizer.bank.recipe.leak,
+        "channels": recognizer.bank.readouts.shape[2], "joints": list(recognizer.recipe.joints),
+        "rate_hz": recognizer.recipe.rate, "threshold": recognizer.threshold,
+    }  # fmt: skip
 
 
 def read(data: Path) -> Dataset:

@@ -40,8 +40,7 @@ def open_figure(
     try:
         also: dict[str, Any] = {}  # that a page shows
         if not loaded.skeleton.is_rig:
-            also["human"] = drawn_human(loaded, motions) if page else None
-            loaded = _baked(file, None if rig else place)
+            also["human"], loaded = page and drawn_human(loaded, motions), _baked(file, None if rig else place)
         if rig is None:
             loader = RobotLoader(place)
             also["groups"] = joint_groups(played := loader(loaded.skeleton), loader.file, loaded.skeleton)

@@ -93,8 +93,7 @@ def drawn_figure(model: mujoco.MjModel, layout: JointLayout) -> dict[str, Any]:
         }
         for batch in batches(model, MOST_TRIANGLES).values()
     ]
-    sites = [model.site(site).name for site in range(model.nsite)]
-    labels = [name.removeprefix(LABEL) if name.startswith(LABEL) else "" for name in sites]
+    labels = [model.site(site).name.partition(LABEL)[2] for site in range(model.nsite)]
     joints = {"hinge": layout.hinge.tolist(), "hinge_qpos": layout.hinge_qpos.tolist(), "led": led}
     parts = {name: np.round(getattr(model, name), 6).tolist() for name in BODIES + SHAPES}
     return {**parts, **joints, "shapes": shapes, "labels": labels, "height": body_height(model)}

@@ -167,17 +167,12 @@ class MotorDrive:
         self.p_gain, self.i_gain, self.d_gain, self.ff_gain = (np.zeros(count) for _ in range(4))
         self.most_pwm, self.goal_pwm, self.goal_speed, self.goal_current = (np.zeros(count) for _ in range(4))
         self._sum = np.zeros(count)
-        self.coupled = False  # whether a plant moves the horns, by the torque that they give; see `couple`
+        self.coupled = False  # whether a plant moves the horns by this motor; friction is then the joints' own
         self.plan()
 
     def use(self, motor: Motor) -> None:
         """Turns the horns with this motor from now on."""
         self.motor, self._no_load = motor, motor.no_load_speed / 60.0 * self._pulses_per_turn
-
-    def couple(self, motor: Motor) -> None:
-        """Has a plant move the horns, whose joints have friction of their own, by the torque of this motor."""
-        self.use(motor)
-        self.coupled = True
 
     def plan(self) -> None:
         """Updates which terms of the law are needed, after a setting has changed."""

@@ -1,5 +1,6 @@
 """A board with an exported sketch as a rig: goals and states are lines over serial (goals.h of the sketch)."""
 
+import re
 import zlib
 from collections import deque
 from collections.abc import Callable
@@ -59,13 +60,12 @@ def _letters(counts: NDArray[np.int64]) -> bytes:
 
 def ask(port: Port, command: str, seconds: float = _SILENT) -> tuple[str, bytes]:
     """A board's reply to a command, empty if none came in time, and all that came."""
-    end, received, replies = port.now() + seconds, b"", list[str]()
+    end, received, found = port.now() + seconds, b"", None
     port.send(f"\n{command}\n".encode())
-    while not replies and (left := end - port.now()) > 0.0 and port.wait(left):
+    while found is None and (left := end - port.now()) > 0.0 and port.wait(left):
         received += port.receive()
-        lines = [line.decode(errors="replace").strip() for line in received.split(b"\n")[:-1]]
-        replies = [line for line in lines if line.startswith(("ok", "refused"))]
-    return (replies[-1] if replies else ""), received
+        found = re.search(rb"^((ok|refused)[^\r\n]*)\r?\n", received, re.MULTILINE)
+    return ("" if found is None else found[1].decode(errors="replace")), received
 
 
 class BoardRig:
@@ -87,13 +87,9 @@ class BoardRig:
             self._read(received)
             if reply not in ("", f"ok {own}") or np.isfinite(self._seen).all():
                 break
-        if not reply.startswith("ok"):
-            raise RigError(f"{self._board} takes no goals: {reply or 'it does not answer'}")
         if reply != f"ok {own}":
-            raise RigError(
-                f"the sketch on {self._board} is of another rig file, or an older one ({reply[3:]}; this is {own}): "
-                "write it again with motiondeck export --for arduino, and upload it"
-            )
+            also = "; write its sketch again with motiondeck export --for arduino" * reply.startswith("ok")
+            raise RigError(f"{self._board} takes no goals of this rig ({own}): {reply or 'it does not answer'}{also}")
         self._asked = port.now()
         self.collect_state()
         self.goals[:] = self.positions
@@ -132,7 +128,9 @@ class BoardRig:
         if now - self._heard > _SILENT:
             raise RigError(f"the rig has stopped: {self._board} does not answer. Mend the cause and start anew.")
         if len(lost) and (self.config.on_loss == "stop" or np.isinf(self._seen[lost]).any()):
-            raise RigError(f"the rig has stopped: {self._board} gets no answer from {self._label(lost[0])}.")
+            raise RigError(
+                f"the rig has stopped: {self._board} gets no answer from {self.config.joints[lost[0]].label}."
+            )
         if self._heard != heard and not self._flags & _TAKEN and now - self._asked > _AGAIN:
             # It holds its joints for want of goals: it is asked to take them again, from where it stands.
             self.incidents.append(Incident(now, self._board, "has got no goals in time"))
@@ -143,7 +141,9 @@ class BoardRig:
 
     def switch_off(self, joint: int) -> None:
         """Is not done: a board has torque on all its servos, or on none; an incident says so."""
-        self.incidents.append(Incident(self._port.now(), self._label(joint), "is switched by its board alone", False))
+        self.incidents.append(
+            Incident(self._port.now(), self.config.joints[joint].label, "is switched by its board alone", False)
+        )
 
     set_up_again = restart = switch_off
 
@@ -163,9 +163,6 @@ class BoardRig:
         finally:
             self._port.close()
 
-    def _label(self, joint: int) -> str:
-        return self.config.joints[joint].label
-
     def _read(self, received: bytes) -> None:
         """Takes the states among what has come."""
         *lines, unread = (self._unread + received).split(b"\n")
@@ -177,7 +174,7 @@ class BoardRig:
             angles, alert, self._flags = state
             known = np.isfinite(angles)
             for joint in np.flatnonzero(alert & ~self._alert).tolist():
-                self.incidents.append(Incident(now, self._label(joint), "reports a hardware error"))
+                self.incidents.append(Incident(now, self.config.joints[joint].label, "reports a hardware error"))
             self.positions[known], self._seen[known], self._heard = angles[known], now, now
             self.faults.missed[:] += ~known
             self.faults.alert[:] += alert

@@ -241,18 +241,10 @@ def turns(rig: RigArgument, port: PortOption = None) -> None:
                 print(f"{name} stands at {angle:+.2f} rad")
 
 
+_SET_UP = {"scan": servos.scan, "setup": servos.setup, "import": servos.import_calibration}
+_SET_UP |= {"calibrate": calibrate.calibrate, "turns": turns, "doctor": doctor, "identify": identify.identify}
 _PANELS = {
-    "Set up": {
-        "scan": servos.scan,
-        "setup": servos.setup,
-        "import": servos.import_calibration,
-        "calibrate": calibrate.calibrate,
-        "turns": turns,
-        "doctor": doctor,
-        "identify": identify.identify,
-        "backup": backup,
-        "restore": restore,
-    },
+    "Set up": _SET_UP | {"backup": backup, "restore": restore},
     "Use": {"teach": teach.teach, "monitor": monitor, "stop": stop},
     "Without hardware": {"emulate": emulate.emulate},
 }

@@ -44,9 +44,9 @@ motiondeck.Human = class {
     const found = new Float64Array(this.#width);
     rows.forEach((row, n) => (found[0] += weights[n] * row[0]));
     for (let at = 1; at < this.#width; at += 4) {
-      const dot = (row) => row[at] * rows[1][at] + row[at + 1] * rows[1][at + 1] + row[at + 2] * rows[1][at + 2] + row[at + 3] * rows[1][at + 3];
+      const beside = (row) => [0, 1, 2, 3].reduce((sum, k) => sum + row[at + k] * rows[1][at + k], 0);
       rows.forEach((row, n) => {
-        const weight = dot(row) < 0 ? -weights[n] : weights[n];
+        const weight = beside(row) < 0 ? -weights[n] : weights[n];
         for (let k = at; k < at + 4; k++) found[k] += weight * row[k];
       });
       found.set(unit(found.subarray(at, at + 4)), at);
@@ -55,8 +55,10 @@ motiondeck.Human = class {
   }
 
   // The bodies as the player plays now, beside a root that has gone somewhere, with a heading in rad.
-  bodies({ playing, phase, fade }, [[x, y]], heading) {
-    const now = this.pose(playing, phase);
+  bodies({ playing, phase, beside, fade }, [[x, y]], heading) {
+    const rest = 1 - beside.reduce((sum, [, weight]) => sum + weight, 0);
+    const poses = [this.pose(playing, phase), ...beside.map(([motion, , where]) => this.pose(motion, where))];
+    const now = beside.length ? this.#mixed(poses, [rest, ...beside.map(([, weight]) => weight)]) : poses[0];
     if (fade > this.#left) [this.#from, this.#first] = [this.#shown ?? now, fade];
     this.#left = fade;
     const share = fade / this.#first;

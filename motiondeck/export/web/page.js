@@ -88,15 +88,27 @@
   const percent = (share) => `${Math.round(100 * share)} %`;
   slider("tempo", (value) => `${value.toFixed(2)} x`, (value) => player.tempo(value));
 
+  // A blend of two loops; it is that of what plays, or comes next.
+  const second = get("with");
+  second.append(new Option("nothing", -1), ...motions.flatMap((name, number) => (player.loops[number] ? [new Option(name, number)] : [])));
+  const blend = () => {
+    const ended = +second.value < 0;
+    if (ended && player.with < 0) return;
+    const answer = player.blend(player.next, ended ? player.with : +second.value, ended ? 0 : +get("share").value);
+    write(get("answer"), answer < 0 ? `${motions[player.next]} is not blended with ${second.selectedOptions[0].text}` : "");
+  };
+  second.onchange = blend;
+  slider("share", percent, () => +second.value >= 0 && blend());
+
   // Layers of the robot's groups, else of single joints, and live values of joints.
-  const option = (text, value) => new Option(text, value);
+
   const named = Object.entries(motiondeck.figure.groups ?? {});
   const members = named.length ? named : player.robot.map((name) => [name, [name]]);
   const groups = Object.fromEntries(members.map(([name, own]) => [name, own.map((one) => player.robot.indexOf(one))]));
   const [group, over, joint] = [get("group"), get("over"), get("joint")];
-  group.append(...Object.keys(groups).map((name) => option(name.replace("_", " "), name)));
-  over.append(option("nothing", -1), ...motions.map(option));
-  joint.append(...player.robot.map(option));
+  group.append(...Object.keys(groups).map((name) => new Option(name.replace("_", " "), name)));
+  over.append(new Option("nothing", -1), ...motions.map((name, number) => new Option(name, number)));
+  joint.append(...player.robot.map((name, number) => new Option(name, number)));
   const layer = () => player.layer(groups[group.value], +over.value, +get("weight").value);
   over.onchange = layer;
   group.onchange = () => (over.value = player.layerOf(groups[group.value]));
@@ -155,7 +167,8 @@
   };
 
   const show = () => {
-    const { mode, playing, next } = player;
+    const { mode, playing, next, blended } = player;
+    const named = blended.length > 1 ? blended.map(([motion, share]) => `${motions[motion]} ${percent(share)}`).join(", ") : motions[playing];
     const queue = player.waiting.map((number) => motions[number]);
     const then = queue.length ? `next: ${queue.join(", ")}` : "";
     if (mode === "stopped") say("STOPPED", "every joint is held", "Reset releases it");
@@ -163,11 +176,11 @@
     else if (player.paused) say("PAUSED", motions[playing], then);
     else if (mode === "approaching") say("ON ITS WAY", `slowly to ${motions[next]}`, then);
     else if (next !== playing) say("ON ITS WAY", `${motions[playing]} → ${motions[next]}`, then);
-    else say("PLAYING", motions[playing], then);
+    else say("PLAYING", named, then);
     write(get("stop"), mode === "stopped" ? "Reset" : "Stop");
     write(get("pause"), player.paused ? "Resume" : "Pause");
     [...get("motions").children].forEach((box, number) => {
-      const look = number === playing ? "playing" : number === next ? "next" : "";
+      const look = number === playing || blended.some(([motion]) => motion === number) ? "playing" : number === next ? "next" : "";
       const place = player.waiting.indexOf(number) + 1;
       mark(box, "data-look", look);
       write(box.querySelector("i"), look || (place ? `queued ${place}` : ""));
@@ -175,10 +188,12 @@
     write(get("queue"), then || "+ (or shift and click) queues a motion");
     mark(ring, "aria-valuenow", player.phase.toFixed(2));
     place("end", queue.length ? player.end : -1);
+    if (second !== document.activeElement) second.value = player.with;
     if (over !== document.activeElement) over.value = player.layerOf(groups[group.value]);
     get("release").disabled = !player.live.length;
-    const layers = player.layers.map(([motion, share]) => `${motions[motion]} ${percent(share)}`);
-    write(inside[1], ["fade " + percent(player.fade), ...layers].join(", "));
+    const shares = [...blended.slice(blended.length > 1 ? 0 : 1), ...player.layers];
+    const parts = shares.map(([motion, share]) => `${motions[motion]} ${percent(share)}`);
+    write(inside[1], ["fade " + percent(player.fade), ...parts].join(", "));
     write(inside[2], `limits hold back ${(1000 * player.held).toFixed(0)} mrad`);
   };
   const inside = get("inside").querySelectorAll("span");
@@ -208,7 +223,7 @@
     since += passed;
     if (page.frames % 6 === 0) {
       show();
-      trace.draw(since, player.targets.subarray(0, player.robot.length), player.fade, player.layers.map(([, part]) => part), player.held);
+      trace.draw(since, player.targets.subarray(0, player.robot.length), player.fade, [...course.beside, ...player.layers].map(([, part]) => part), player.held);
       since = 0;
     }
     page.frames += 1;

@@ -103,13 +103,19 @@ motiondeck.Player = class {
     const near = turn.reduce((sum, part, k) => sum + part * facing[k], 0) < 0 ? turn.map((part) => -part) : turn;
     return [between(targets, this.targets), [between(place, there), unit(between(near, facing))]];
   }
+  // The motions that play: their numbers, weights, and phases.
+  get blended() {
+    const every = this.motions.map((_, motion) => [motion, this.#ask("weight", motion)]);
+    return every.flatMap(([motion, weight]) => (weight ? [[motion, weight, ((this.#ask("rounds", motion) % 1) + 1) % 1]] : []));
+  }
   // What plays, and where it is, at that moment; and the heading, rad.
   get course() {
     const [, , heading, phase] = this.#last;
     const share = this.#due / this.tick;
     const way = this.phase - phase;
     const on = Math.abs(way) < 0.1 ? phase + share * way : this.phase;
-    return { playing: this.playing, phase: on, fade: this.fade, heading: heading + share * (this.#heading - heading) };
+    const beside = this.blended.filter(([motion]) => motion !== this.playing);
+    return { playing: this.playing, phase: on, beside, fade: this.fade, heading: heading + share * (this.#heading - heading) };
   }
 
   get mode() {
@@ -164,6 +170,13 @@ motiondeck.Player = class {
   }
   queue(motion) {
     return this.#play("queue", motion) || (this.waiting.push(motion), 0);
+  }
+  // A motion with a weight, -0.3 to 1.3, of another one in it; and the one that is blended in, or is to be, or -1.
+  blend(first, second, weight) {
+    return this.#play("blend", first, second, weight) || ((this.waiting = []), 0);
+  }
+  get with() {
+    return this.#ask("blended_with");
   }
   // A motion ends being held, but not a pause.
   #play(name, ...given) {

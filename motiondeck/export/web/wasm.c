@@ -51,6 +51,14 @@ float md_entry_phase(const md_player *p) {
 }
 /* How much phase is left of the present round. */
 float md_round_left(const md_player *p) { return (p->track.last - p->track.at) / p->track.motion->whole; }
+/* The motion that is blended in, or is to be; or -1. Of one that plays, how many rounds it has gone, on its own. */
+int md_blended_with(const md_player *p) { return p->current || p->blended || p->blending ? p->with : NONE; }
+float md_rounds(const md_player *p, int motion) {
+  const md_track *t = &p->track;
+  for (int k = 0; k < p->blended; k++)
+    if (motion_index(p, p->beside[k].motion) == motion) t = p->beside + k;
+  return (float)t->at / (float)t->motion->whole;
+}
 /* Layers: how many, each one's motion and share, and the number of that of some joints which does not end; or -1. */
 int md_layers(const md_player *p) { return p->layers; }
 int md_layer_motion(const md_player *p, int layer) { return motion_index(p, p->layer[layer].track.motion); }

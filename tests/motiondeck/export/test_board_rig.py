@@ -256,7 +256,7 @@ def test_commands_and_stops_at_the_board(programs, rig):
         with pytest.raises(RigError, match="the rig has stopped: the emergency stop of the board"):
             play(port, one, wave(one, 3))
         assert one.close() == []
-        with pytest.raises(RigError, match="takes no goals: refused: the emergency stop is on: reset"):
+        with pytest.raises(RigError, match=r"takes no goals .*: refused: the emergency stop is on: reset"):
             BoardRig(load_rig(rig), port)
 
 
@@ -269,7 +269,7 @@ def test_a_dead_board_stops_the_rig(programs, rig):
         with pytest.raises(RigError, match="does not answer"):
             play(port, one, wave(one, 150))
         assert one.close() == ["joint0", "joint1", "joint2"]
-        with pytest.raises(RigError, match="takes no goals: it does not answer"):
+        with pytest.raises(RigError, match=r"takes no goals .*: it does not answer"):
             BoardRig(load_rig(rig), port)
 
 
@@ -280,7 +280,7 @@ def test_a_sketch_of_another_rig_is_refused(programs, rig):
         config = load_rig(rig)
         moved = msgspec.structs.replace(config.joints[1], zero=1999)
         for other in (config.joints[:2], (config.joints[0], moved, config.joints[2])):
-            with pytest.raises(RigError, match=r"another rig file.*\(3 joints, .*; this is \d joints, ") as error:
+            with pytest.raises(RigError, match=r"this rig \(\d joints, \w+\): ok 3 joints, .*write its") as error:
                 BoardRig(msgspec.structs.replace(config, joints=other), port)
             assert "\n" not in str(error.value)
         BoardRig(config, port)

@@ -154,13 +154,22 @@ def test_keys_buttons_and_the_state_line(browser, address):
     page.close()
 
 
-def test_layers_single_joints_and_the_ring(browser, address):
+def test_blend_layers_single_joints_and_the_ring(browser, address):
     page = browser.new_page()
     page.goto(address)
     page.wait_for_function("motiondeck.page?.frames > 1")
     player, passed = "motiondeck.page.player", "motiondeck.page.player.advance(4)"
     page.evaluate(passed)  # the approach
     page.locator("summary").click()
+    page.locator("#with").select_option("turn")
+    page.evaluate(passed)
+    assert [weight for _, weight, _ in page.evaluate(f"{player}.blended")] == [0.5, 0.5]
+    page.wait_for_function(
+        "document.querySelector('#state span').textContent === 'stroll 50 %, turn 50 %'", timeout=60000
+    )
+    page.locator("#with").select_option("nothing")
+    page.evaluate(passed)
+    assert [weight for _, weight, _ in page.evaluate(f"{player}.blended")] == [1.0]
     page.locator("#over").select_option("turn")
     page.evaluate(passed)
     [[motion, share]] = page.evaluate(f"{player}.layers")
@@ -207,14 +216,16 @@ def test_human_stands_beside_the_robot_as_the_library_has_it(open_page):
         phase = frame / (info.frames - playing)
         ends = skeleton.joints(np.zeros(3), posture.rotation[frame])
         expected.append(np.array([ends[1 + parent] for parent in skeleton.parent]))
-        course.append({"playing": playing, "phase": phase, "fade": 0.0})
-    course += [{"playing": 0, "phase": 0.2, "fade": fade} for fade in (0.9, 0.0)]  # a fade begins where it was
+        course.append({"playing": playing, "phase": phase, "beside": [], "fade": 0.0})
+    course += [{**course[0], "fade": fade} for fade in (0.9, 0.0)]  # a fade begins where it was
+    course.append({**course[1], "beside": [[0, 1.0, course[2]["phase"]]]})
     size, aside, *shown = open_page.evaluate(HUMAN, [drawing, motions, course])
     places = np.array(shown)[:, drawing["turned"]]
     bones = (places[:, 1:] - places[:, :1]) / size
     assert np.abs(bones[:5] - np.array(expected)).max() < 0.015  # m, between samples
     assert np.allclose(places[5], places[4], atol=1e-6)
     assert np.abs(places[6] - places[4]).max() > 0.1 * size
+    assert np.allclose(places[7], places[2], atol=1e-6)  # all of the weight is beside
     assert np.allclose(places[:, 0, :2], [3.0, 5.0 - aside])
     lowest = np.array(shown)[:4, drawing["turned"], 2].min(axis=1) / size
     assert ((lowest > -0.05) & (lowest < 0.2)).all()
