@@ -52,11 +52,11 @@ def written(folder):
     return file
 
 
-def exported(rig, folder, *, limited=False):
+def exported(rig, folder, *, limited=False, fixed=False):
     """The figure of the rig, with limits that hold nothing back unless it is `limited`; its library in the folder."""
     library = joint_library(3)
     body = robot_of(rig, library.skeleton)
-    figure = figure_of(library, body.joints, body.limits, body.rest, 100.0)
+    figure = figure_of(library, body.joints, body.limits, body.rest, 100.0, fixed=fixed)
     figure = figure if limited else wide(figure)
     write_arduino(figure, load_rig(rig), folder)
     return figure
@@ -65,9 +65,9 @@ def exported(rig, folder, *, limited=False):
 def compiled(folder, sketch, place):
     """The program of a board with a sketch of the library in a folder."""
     strict = ["-Wall", "-Wextra", "-Werror", "-O1", f"-I{folder / 'src'}"]
-    for source in ("motiondeck", "commands"):
-        command = ["cc", "-std=gnu11", *strict, "-c", folder / f"src/{source}.c", "-o", place / f"{source}.o"]
-        subprocess.run(command, check=True)
+    for source in (folder / "src").glob("*.c*"):
+        language = ["c++", "-std=gnu++17"] if source.suffix == ".cpp" else ["cc", "-std=gnu11"]
+        subprocess.run([*language, *strict, "-c", source, "-o", place / f"{source.stem}.o"], check=True)
     board, objects = place / "board", [place / "motiondeck.o", place / "commands.o"]
     sources = ["-include", STUB / "Arduino.h", folder / f"examples/{sketch}/{sketch}.ino", STUB / "board.cpp"]
     sources = ["-x", "c++", *sources, "-x", "none"]

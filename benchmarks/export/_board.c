@@ -44,7 +44,7 @@ static void run(void) {
   uint32_t count[4] = {0, 0, 0, 0}, worst[4] = {0, 0, 0, 0};
   md_begin(&player, figure, 0);
   for (int layer = 0; layer < LAYERS; layer++)
-    md_layer(&player, ((1ull << md_joints(figure)) - 1) ^ 1ull << layer, layer % md_motions(figure), 0.5f, 1.0f);
+    md_layer(&player, ((1ull << md_joints(figure)) - 1) ^ 1ull << layer, layer % md_motions(figure), MD(0.5), MD(1));
   for (int from = 0; from < md_motions(figure); from++)
     for (int to = 0; to < md_motions(figure); to++) {
       md_switch(&player, to, 1);

@@ -15,7 +15,7 @@ from controller.motion.rotations import Array
 from controller.wire.messages import commands
 from controller.wire.messages.commands import DeckCommand
 from motiondeck.export.c_folder import PLAYER
-from motiondeck.export.figure import Figure, words_of
+from motiondeck.export.figure import UNIT, Figure, words_of
 from motiondeck.export.golden import Script, Trace, deck_trace, spelled
 
 SANITIZED = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-g")
@@ -24,11 +24,12 @@ SANITIZED = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-g")
 class CPlayer:
     """The player, compiled in a folder with further flags of the compiler."""
 
-    def __init__(self, folder: Path, flags: Sequence[str] = ()) -> None:
+    def __init__(self, folder: Path, flags: Sequence[str] = (), *, fixed: bool = False) -> None:
         for source in (*PLAYER, Path(__file__).with_name("_replay.c")):
             shutil.copy(source, folder)
         self._program, self._figure = folder / "replay", folder / "replayed.bin"
-        words = ["cc", "-std=c99", "-O1", "-ffp-contract=off", *flags, "-o", self._program]
+        language = ["c++", "-std=c++17", "-DMD_FIXED", "-x", "c++"] if fixed else ["cc", "-std=c99"]
+        words = [*language, "-O1", "-ffp-contract=off", *flags, "-o", self._program]
         subprocess.run([*words, folder / "_replay.c", folder / "player.c", "-lm"], check=True)
 
     def trace(self, figure: Figure, script: Script, ticks: int, measured: Array | None = None) -> Trace:
@@ -41,7 +42,10 @@ class CPlayer:
         if done.returncode:
             raise RuntimeError(done.stderr.decode())
         size = ticks * 2 * joints * 4
-        both = np.frombuffer(done.stdout[:size], dtype="<f4").reshape(ticks, 2, joints).astype(float)
+        both = (
+            np.frombuffer(done.stdout[:size], "<i4" if figure.fixed else "<f4").reshape(ticks, 2, joints).astype(float)
+        )
+        both *= UNIT if figure.fixed else 1.0
         return Trace(both[:, 0], both[:, 1], [bool(one) for one in done.stdout[size:]])
 
 
@@ -135,7 +139,12 @@ def deck_plays(figure: Figure, script: Script, ticks: int, start: Array) -> Trac
 def with_limits(figure: Figure, **limits: Array) -> Figure:
     """The figure with other limits of its joints."""
     changed = replace(figure.limits, **limits)
-    return replace(figure, limits=changed, words=words_of(figure.library, changed, figure.rate))
+    return replace(figure, limits=changed, words=words_of(figure.library, changed, figure.rate, fixed=figure.fixed))
+
+
+def in_fixed_point(figure: Figure) -> Figure:
+    """The figure in fixed-point numbers."""
+    return with_limits(replace(figure, fixed=True))
 
 
 def wide(figure: Figure) -> Figure:

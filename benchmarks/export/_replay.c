@@ -7,12 +7,12 @@
 
 #include "player.h"
 
-static int give(md_player *p, char kind, int motion, float value, float other, unsigned long long joints) {
+static int give(md_player *p, char kind, int motion, md_number value, md_number other, unsigned long long joints) {
   switch (kind) {
-    case 's': return md_switch(p, motion, value != 0.0f);
+    case 's': return md_switch(p, motion, value != 0);
     case 'q': return md_queue(p, motion);
     case 't': return md_tempo(p, value, other);
-    case 'm': return md_blend(p, motion, (int)other, value);
+    case 'm': return md_blend(p, motion, (int)MD_FLOAT(other), value);
     case 'j': return md_jump(p, value);
     case 'p': return md_pause(p);
     case 'g': return md_resume(p);
@@ -31,28 +31,28 @@ static int give(md_player *p, char kind, int motion, float value, float other, u
 int main(int count, char **words) {
   FILE *file = count == 3 ? fopen(words[1], "rb") : 0;
   static uint32_t figure[1 << 18];
-  static float measured[MD_MOST_JOINTS];
+  static md_number measured[MD_MOST_JOINTS];
   static unsigned char accepted[100000];
   static md_player player;
   if (!file || !fread(figure, 4, 1 << 18, file)) return 2;
   fclose(file);
   int ticks = atoi(words[2]), given = 0, due, motion, joints = md_joints(figure);
-  float value, other;
+  double value, other;
   unsigned long long mask;
   char kind;
   if (scanf(" %c", &kind) != 1) return 2;
-  for (int j = 0; kind == 'a' && j < joints; j++)
-    if (scanf("%f", measured + j) != 1) return 2;
+  for (int j = 0; kind == 'a' && j < joints; j++, measured[j - 1] = MD(value))
+    if (scanf("%lf", &value) != 1) return 2;
   int begun = md_begin(&player, figure, kind == 'a' ? measured : 0);
   if (begun) return fprintf(stderr, "md_begin: %d\n", begun), 3;
-#define MORE (scanf("%d %c %d %f %f %llu", &due, &kind, &motion, &value, &other, &mask) == 6)
+#define MORE (scanf("%d %c %d %lf %lf %llu", &due, &kind, &motion, &value, &other, &mask) == 6)
   int more = MORE;
   for (int tick = 0; tick < ticks; tick++) {
     for (; more && due <= tick; more = MORE)
-      accepted[given++] = !give(&player, kind, motion, value, other, mask);
-    const float *safe = md_step(&player);
-    fwrite(md_targets(&player), sizeof(float), (size_t)joints, stdout);
-    fwrite(safe, sizeof(float), (size_t)joints, stdout);
+      accepted[given++] = !give(&player, kind, motion, MD(value), MD(other), mask);
+    const md_number *safe = md_step(&player);
+    fwrite(md_targets(&player), sizeof(md_number), (size_t)joints, stdout);
+    fwrite(safe, sizeof(md_number), (size_t)joints, stdout);
   }
   fwrite(accepted, 1, (size_t)given, stdout);
   return 0;

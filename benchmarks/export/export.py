@@ -18,14 +18,22 @@ import numpy as np
 import typer
 
 from benchmarks.command import run
-from benchmarks.export._c_player import SANITIZED, CPlayer, beyond_limits, deck_plays, random_script, wide
+from benchmarks.export._c_player import (
+    SANITIZED,
+    CPlayer,
+    beyond_limits,
+    deck_plays,
+    in_fixed_point,
+    random_script,
+    wide,
+)
 from controller.motion.rotations import Array
 from motiondeck import learn
 from motiondeck.export.figure import Figure
 from motiondeck.export.golden import Trace
 from motiondeck.export.source import open_figure
 
-SAME = 1e-3
+SAME = {False: 1e-3, True: 3e-3}  # rad, in floats and in fixed point
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
@@ -58,12 +66,12 @@ def played(figure: Figure, player: CPlayer, seed: int, ticks: int, *, layered: b
 def parted(
     figure: Figure, player: CPlayer, seeds: Iterable[int], ticks: int, *, layered: bool
 ) -> tuple[list[int], list[float]]:
-    """The sequences in which angles part by 1 mrad, or commands are not taken alike, and how far angles part in all."""
+    """The sequences in which angles part by SAME, or commands are not taken alike, and how far angles part in all."""
     found, off = list[int](), list[float]()
     for seed in seeds:
         _, deck, ours = played(figure, player, seed, ticks, layered=layered)
         off.append(float(np.abs(deck.safe - ours.safe).max()))
-        if off[-1] >= SAME or deck.accepted != ours.accepted:
+        if off[-1] >= SAME[figure.fixed] or deck.accepted != ours.accepted:
             found.append(seed)
     return found, off
 
@@ -93,15 +101,16 @@ def main(
     limited: Annotated[int, typer.Option(help="One in so many is played with the robot's own limits, too.")] = 3,
     layered: Annotated[bool, typer.Option(help="With layers and live values.")] = False,
     sanitized: Annotated[bool, typer.Option(help="With the sanitizers of the compiler.")] = False,
+    fixed: Annotated[bool, typer.Option(help="In fixed-point numbers.")] = False,
 ) -> None:
     """Plays random commands on the deck and on the C player."""
     with tempfile.TemporaryDirectory() as folder:
-        player = CPlayer(Path(folder), ("-DMD_MOST_LAYERS=16", *(SANITIZED if sanitized else ())))
+        player = CPlayer(Path(folder), ("-DMD_MOST_LAYERS=16", *(SANITIZED if sanitized else ())), fixed=fixed)
         for name in libraries or ["thesis15:servo20", "cmu86:servo20", "head", "arm", "hexapod"]:
-            figure = figure_of(name)
+            figure = in_fixed_point(figure_of(name)) if fixed else figure_of(name)
             ticks = round(seconds * figure.rate)
             found, off = parted(wide(figure), player, range(first, first + sequences), ticks, layered=layered)
-            print(f"{name}: {sequences} sequences, {len(found)} part by {1e3 * SAME:g} mrad {found[:8]}")
+            print(f"{name}: {sequences} sequences, {len(found)} part by {1e3 * SAME[fixed]:g} mrad {found[:8]}")
             print(
                 f"  largest difference: median {1e3 * np.median(off):.3f} mrad, 99 % {1e3 * np.quantile(off, 0.99):.3f}"
             )

@@ -54,7 +54,7 @@ def of_joints(figure: Figure, count: int) -> Figure:
     limits = JointLimits(
         **{one.name: getattr(figure.limits, one.name)[among] for one in fields(figure.limits)},
     )
-    words = words_of(library, limits, figure.rate)
+    words = words_of(library, limits, figure.rate, fixed=figure.fixed)
     return replace(figure, library=library, limits=limits, rest=figure.rest[among], words=words)
 
 
@@ -65,9 +65,10 @@ def measured(figure: Figure, core: str, level: str, layers: int, folder: Path) -
         shutil.copy(HERE / name, folder)
     flags, machine = CORES[core]
     joints = f"-DLAYERS={layers}"
-    common = ["arm-none-eabi-gcc", *flags.split(), "-mthumb", "-std=gnu99", f"-O{level}", "-ffp-contract=off", joints]
+    source, language = ("player.cpp", ["-fno-exceptions"]) if figure.fixed else ("player.c", ["-std=gnu99"])
+    common = ["arm-none-eabi-gcc", *flags.split(), "-mthumb", *language, f"-O{level}", "-ffp-contract=off", joints]
     common += ["-ffunction-sections", "-fdata-sections"]
-    objects = ["player.c", "_board.c", "-T", "_board.ld", "-nostartfiles", "-Wl,--gc-sections", "-lm", "-lc", "-lgcc"]
+    objects = [source, "_board.c", "-T", "_board.ld", "-nostartfiles", "-Wl,--gc-sections", "-lm", "-lc", "-lgcc"]
     subprocess.run([*common, *objects, "-o", "board.elf"], cwd=folder, check=True)
     sizes = subprocess.run(["arm-none-eabi-size", "board.elf"], cwd=folder, check=True, capture_output=True, text=True)
     text = int(sizes.stdout.splitlines()[1].split()[0])
@@ -85,12 +86,13 @@ def main(
     cores: Annotated[str, typer.Option(help="Which cores, with commas between.")] = ",".join(CORES),
     joints: Annotated[int, typer.Option(help="So many joints, the figure's again and again; 0: as it is.")] = 0,
     layers: Annotated[int, typer.Option(help="Layers that play.")] = 0,
+    fixed: Annotated[bool, typer.Option(help="In fixed-point numbers.")] = False,
     level: Annotated[str, typer.Option(help="Optimisation of the compiler: 2 for speed, s for size.")] = "2",
 ) -> None:
     """Measures players on emulated cores."""
     for name in figures or ["thesis15:servo20", "cmu86:servo20"]:
         library, _, robot = name.partition(":")
-        figure = open_figure(library, robot, None, [one for one in motions.split(",") if one])
+        figure = open_figure(library, robot, None, [one for one in motions.split(",") if one], fixed=fixed)
         figure = of_joints(figure, joints) if joints else figure
         largest = max(figure.bytes_of.values())
         print(f"{name}: {len(figure.rest)} joints, {len(figure.words)} bytes, a motion at most {largest}")

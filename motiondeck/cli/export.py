@@ -30,6 +30,7 @@ def export(
     networks: Annotated[
         bool, Option("--networks", help="Hold centralized networks, which take less flash and more time than keys.")
     ] = False,
+    fixed: Annotated[bool, Option("--fixed", help="Without floating point, for a core that has none.")] = False,
     as_json: JsonOption = False,
 ) -> None:
     """Write a player in C, an Arduino library or a page with motions.
@@ -48,10 +49,12 @@ def export(
 
     if target == "arduino" and rig is None:
         raise MotiondeckError("--for arduino drives the servos of a rig: name its file with --rig, not --robot")
+    if target == "web" and fixed:
+        raise MotiondeckError("--fixed is for microcontrollers; a browser has floating point")
     names = [name.strip() for name in motions.split(",") if name.strip()]
     if networks and target == "web":
         raise MotiondeckError("a page holds motions as keys, which browsers have room for: leave --networks out")
-    figure = open_figure(library, robot, rig, names, out if target == "web" else None, networks=networks)
+    figure = open_figure(library, robot, rig, names, out if target == "web" else None, networks=networks, fixed=fixed)
     cost = cost_on(figure, board) if target != "web" else {}
     if target == "arduino" and rig is not None:
         write_arduino(figure, load(rig), out)

@@ -7,14 +7,15 @@ import numpy as np
 
 from hardware.rig.rig_file import RigConfig
 from hardware.rig.supervision.board_rig import identity
-from motiondeck.export.figure import Figure
+from motiondeck.export.figure import UNIT, Figure
 from motiondeck.export.golden import EVERY, LASTS, deck_trace, golden_script, spelled
 from motiondeck_base.errors import FileFormatError, MotiondeckError
 from motiondeck_base.files import write_file
 
 _HERE = Path(__file__).parent
 SKETCHES = _HERE / "arduino"
-PLAYER = [_HERE / "player.c", _HERE / "player.h", _HERE.parents[1] / "controller" / "loop" / "safety" / "envelope.c"]
+_ENVELOPE = _HERE.parents[1] / "controller" / "loop" / "safety" / "envelope.c"
+PLAYER = [_HERE / "player.c", _HERE / "player.h", _HERE / "fixed.h", _ENVELOPE]
 REGISTERS = {"SERVO_GOAL": "goal_position", "SERVO_PRESENT": "present_position", "SERVO_WATCHDOG": "bus_watchdog"}
 
 
@@ -24,11 +25,15 @@ def write_c(figure: Figure, folder: Path) -> None:
     script = golden_script(names)
     calls = [(tick, *spelled(command, names)) for tick, command in script]
     rows = _lines(f"{{{tick}, '{kind}', {motion}, {value}f, {other}f}}" for tick, kind, motion, value, other in calls)
-    angles = _lines(f"{angle:.6f}f" for angle in deck_trace(figure, script, LASTS).targets[::EVERY].ravel())
+    played = deck_trace(figure, script, LASTS).targets[::EVERY].ravel()
+    angles = _lines(str(round(angle / UNIT)) if figure.fixed else f"{angle:.6f}f" for angle in played)
     head = f"/* What the deck plays, rad */\n#define GOLDEN_TICKS {LASTS}\n#define GOLDEN_EVERY {EVERY}\n"
     given = f"static const golden_command golden_commands[] = {{\n{rows}"
-    golden = f"{head}{given}static const float golden_angles[] = {{\n{angles}".encode()
+    golden = f"{head}{given}static const md_number golden_angles[] = {{\n{angles}".encode()
     files = {name: (_HERE / name).read_bytes() for name in ("selftest.c", "Makefile")} | _player(figure)
+    if figure.fixed:  # classes of C++; a compiler tells the languages by the names
+        files["player.cpp"] = files.pop("player.c")
+        files["Makefile"] = files["Makefile"].replace(b"-std=c99 ", b"").replace(b"player.c ", b"player.cpp ")
     write_folder(folder, files | {"figure.bin": figure.words, "golden.h": golden})
 
 
@@ -48,6 +53,8 @@ def write_arduino(figure: Figure, rig: RigConfig, folder: Path) -> None:
     files = {str(file.relative_to(SKETCHES)): file.read_bytes() for file in SKETCHES.rglob("*.*") if file.is_file()}
     for name, content in _player(figure).items():  # a board compiles each .c file
         files["src/" + name.replace(".c", ".inc")] = content.replace(b'envelope.c"', b'envelope.inc"')
+    if figure.fixed:
+        files["src/motiondeck.cpp"] = files.pop("src/motiondeck.c")
     write_folder(folder, files | {"src/servos.h": "\n".join([*lines, "};\n"]).encode()})
 
 
@@ -59,6 +66,10 @@ def _player(figure: Figure) -> dict[str, bytes]:
     size, networks = b"#define MD_MOST_JOINTS %d" % len(figure.rest), "network" in figure.held.values()
     header = files["player.h"].replace(b"#define MD_MOST_JOINTS 32", size)
     files["player.h"] = header if networks else header.replace(b"#define MD_NETWORKS 1", b"#define MD_NETWORKS 0")
+    if figure.fixed:
+        files["player.h"] = files["player.h"].replace(b"stdint.h>", b"stdint.h>\n#define MD_FIXED", 1)
+    else:
+        del files["fixed.h"]
     return files | {"figure.h": f"{head}static const uint32_t figure[] = {{\n{words}".encode()}
 
 

@@ -13,6 +13,11 @@ CORES = {
     "M3": (22_400, 184_000, 18_500, 1_100, 10_000),
     "M0+": (26_400, 382_000, 41_800, 2_200, 26_000),
 }
+FIXED = {  # without floating point, and networks
+    "M4F": (18_500, 45_000, 4_700, 250, 0),
+    "M3": (18_500, 45_000, 4_700, 250, 0),
+    "M0+": (20_400, 80_000, 15_000, 450, 0),
+}
 _NETWORKS = 800  # bytes of code
 _PLAYER, _PLAYER_JOINT, _STACK, _STACK_JOINT = 976, 368, 720, 16  # bytes, with room for four layers and a blend
 
@@ -24,7 +29,7 @@ def cost_on(figure: Figure, board: str) -> dict[str, int]:
     """
     (name, *given), joints = board.split(":"), len(figure.rest)
     [core] = UnknownNameError.indices("core", [name], [*CORES])
-    code, base, joint, layer, satellite = [*CORES.values()][core]
+    code, base, joint, layer, satellite = [*(FIXED if figure.fixed else CORES).values()][core]
     ram, worst = _PLAYER + _STACK + (_PLAYER_JOINT + _STACK_JOINT) * joints, base + joint * joints
     held: Any = figure.library.network
     if networks := [len(one.form) for one in held.keys.values() if isinstance(one, BoardNetwork)]:

@@ -6,12 +6,12 @@ What a phase-driven network plays is a function of its phase. A figure has that 
 lie between two others. The root of a baked motion is left out; only its joints are played, and only they are compared
 and limited where motions are joined.
 
-    0 "MDP1", 1 number of words, 2 CRC-32 of all other words, 3 joints, 4 motions, 5 ticks and 6 frames a second,
-    7 limits, 8 motions, 9 ways, 10 names (offsets in words), 11 the inverse of word 1
+    0 "MDP2" or "MDX2", 1 number of words, 2 CRC-32 of all other words, 3 joints, 4 motions, 5 ticks a second,
+    6 frames a tick, 7 limits, 8 motions, 9 ways, 10 names (offsets in words), 11 the inverse of word 1, 12 s a tick
 
 Words have 32 bits, lowest byte first. Rows of limits and motions are `EnvelopeLimits` of `envelope.c`, per tick, and
-`md_motion` of `player.h`; keys are 16 bits, (K, J), J even; ways M x M bytes, the next motion from the row's to the
-column's; names end in 0, joints first.
+`md_motion` of `player.h`, floats or (MDX2) in units of 2^-25, the tick of 2^-30 s; keys are 16 bits, (K, J), J even;
+ways M x M bytes, the next motion from the row's to the column's; names end in 0, joints first.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from typing import Any
 
 import msgspec
 import numpy as np
+from numpy.typing import ArrayLike
 
 from controller.deck.interfaces import JointLimits
 from controller.deck.joins.deck_motions import read_motions
@@ -45,10 +46,10 @@ from motiondeck_base.errors import MotiondeckError, UnknownNameError
 MOST_BYTES = 8192  # of the keys of a motion
 FARTHEST = 0.005  # rad, of a joint in a figure from where its network has it
 MOST_JOINTS, MOST_MOTIONS, MOST_RATE = 64, 256, 200.0
-_HEADER = 12  # words
-_MOTION = np.dtype(
-    [(f"whole{n}", "<u4") for n in range(10)] + [(f"real{n}", "<f4") for n in range(8)] + [("name", "<u4")]
-)  # md_motion
+_HEADER = 13  # words
+_MOTION = 19  # words of md_motion
+UNIT = 2.0**-25  # of a fixed-point number
+_WIDEST, _LONGEST, _TIGHTEST = 12.0, 60.0, 64 * UNIT  # what fixed point holds: rad, s, and rad of a tick
 
 
 @dataclass(frozen=True)
@@ -63,6 +64,7 @@ class Figure:
     bytes_of: Mapping[str, int]  # of each motion
     held: Mapping[str, str]  # keys or network
     error: Mapping[str, tuple[float, float]]  # of each motion, root mean square and largest, rad
+    fixed: bool = False  # whether its numbers are fixed-point ones
 
 
 def figure_of(
@@ -74,6 +76,7 @@ def figure_of(
     motions: Sequence[str] = (),
     *,
     networks: bool = False,
+    fixed: bool = False,
 ) -> Figure:
     """The figure of some motions of a library, or all, for the joints of a robot and ticks at a rate in Hz.
 
@@ -90,6 +93,8 @@ def figure_of(
     if not 1.0 <= rate <= MOST_RATE or len(joints) > MOST_JOINTS or len(names) > MOST_MOTIONS:
         asked = f"{len(joints)} joints and {len(names)} motions at {rate:g} Hz"
         raise MotiondeckError(f"{asked}; at most {MOST_JOINTS}, {MOST_MOTIONS} and {MOST_RATE:g} Hz are played")
+    if networks and fixed:
+        raise MotiondeckError("networks are evaluated in floating point: leave out --networks or --fixed")
     check_limits(limits)
     stored: Any = library.encoding  # of joints, as every rig's
     rooted, bones = tuple(joints[-len(ROOT) :]) == ROOT, library.skeleton.bones
@@ -119,7 +124,7 @@ def figure_of(
     carried = MotionLibrary(msgspec.structs.replace(library.info, motions=chosen, **changed), network, encoding)
     sizes = {name: len(_stored(one)) for name, one in keys.items()}
     held = {name: "keys" if isinstance(one, Keys) else "network" for name, one in keys.items()}
-    return Figure(carried, words_of(carried, limits, rate), limits, rest, rate, sizes, held, error)
+    return Figure(carried, words_of(carried, limits, rate, fixed=fixed), limits, rest, rate, sizes, held, error, fixed)
 
 
 def _played(network: AnyNetwork, motion: MotionInfo) -> Channels:
@@ -147,45 +152,62 @@ def _keys(name: str, frames: Array, most: int, *, loop: bool) -> tuple[Keys, Arr
     return keys, off
 
 
-def words_of(library: MotionLibrary, limits: JointLimits, rate: float) -> bytes:
-    """The words of a library of keys, for ticks at a rate in Hz."""
+def words_of(library: MotionLibrary, limits: JointLimits, rate: float, *, fixed: bool = False) -> bytes:
+    """The words of a library of keys, for ticks at a rate in Hz, in floats or fixed-point numbers."""
     network: Any = library.network  # of keys
     motions = read_motions(library)
     names, joints, routes = list(motions), library.encoding.skeleton.bones, Routes.of(library)
     ways = [names.index((*routes.way(one, other), other)[0]) for one in names for other in names]
     texts = [name.encode() + b"\0" for name in (*joints, *names)]
-    parts = [_limit_rows(limits, 1.0 / rate), bytes(len(names) * _MOTION.itemsize), bytes(ways), b"".join(texts)]
+    parts = [limit_rows(limits, 1.0 / rate, fixed=fixed), bytes(4 * _MOTION * len(names)), bytes(ways), b"".join(texts)]
     parts += [_stored(network.keys[name]) for name in names]
     parts = [part + bytes(-len(part) % 4) for part in parts]
     starts = np.cumsum([_HEADER, *(len(part) // 4 for part in parts)])[:-1]
-    rows = list[tuple[object, ...]]()
+    rows = list[bytes]()
     for at, (number, (name, one)) in zip(starts[4:], enumerate(motions.items(), len(joints)), strict=True):
         keys, frames = network.keys[name], len(network[name])
         count, held, unit = (len(keys.counted), keys.course[1], keys.unit) if isinstance(keys, Keys) else (0, 0, 0.0)
         whole = at, count, frames, frames - int(held), one.loop, frames - (not one.loop), network.every
-        whole += len(one.course), len(one.places)
+        whole += len(one.course), len(one.places), getattr(keys, "searched", SEARCHED)
+        if fixed and max(one.seconds, one.whole) > _LONGEST:
+            raise MotiondeckError(f"{name} lasts {one.seconds:.0f} s; fixed-point numbers hold {_LONGEST:g}")
         watched = np.ptp(one.places, axis=0).max(), np.abs(one.velocities).max()  # as of `BlendCheck`
-        real = unit, one.spacing, one.seconds, one.whole, one.speed, one.acceleration, *watched
-        rows.append((*whole, getattr(keys, "searched", SEARCHED), *real, len(b"".join(texts[:number]))))
-    parts[1] = np.array(rows, _MOTION).tobytes()
-    head = np.array([len(joints), len(names)], "<u4").tobytes() + np.array([rate, library.info.rate], "<f4").tobytes()
+        real = unit / 6.0 * (2.0**15 if fixed else 1.0), one.spacing, one.seconds, one.whole
+        numbers = _numbers([*real, one.speed, one.acceleration / 64.0, *watched], fixed)
+        rows.append(np.array(whole, "<u4").tobytes() + numbers + len(b"".join(texts[:number])).to_bytes(4, "little"))
+    parts[1] = b"".join(rows)
+    head = np.array([len(joints), len(names)], "<u4").tobytes() + np.float32(rate).tobytes()
+    head += _numbers([library.info.rate / rate], fixed)
     count = (_HEADER * 4 + sum(map(len, parts))) // 4
-    last = np.array([~np.uint32(count)], "<u4").tobytes()
+    last = (~count & 0xFFFFFFFF).to_bytes(4, "little") + _numbers([(32 if fixed else 1) / rate], fixed)
     body = head + starts[:4].astype("<u4").tobytes() + last + b"".join(parts)
-    before = b"MDP1" + count.to_bytes(4, "little")
+    before = (b"MDX2" if fixed else b"MDP2") + count.to_bytes(4, "little")
     return before + zlib.crc32(before + body).to_bytes(4, "little") + body
 
 
-def _limit_rows(limits: JointLimits, dt: float) -> bytes:
+def _numbers(values: ArrayLike, fixed: bool) -> bytes:
+    if not fixed:
+        return np.asarray(values, "<f4").tobytes()
+    return np.rint(np.minimum(np.asarray(values) / UNIT, 2.0**31 - 1)).astype("<i4").tobytes()
+
+
+def limit_rows(limits: JointLimits, dt: float, *, fixed: bool) -> bytes:
     """Rows of `EnvelopeLimits`, less what 32-bit positions are rounded by, so that these keep the limits too."""
-    rounding = np.spacing(np.maximum(np.abs(limits.lower), np.abs(limits.upper)).astype(np.float32)).astype(float)
+    far = np.maximum(np.abs(limits.lower), np.abs(limits.upper))
+    rounding = np.full(len(far), 4 * UNIT) if fixed else np.spacing(far.astype(np.float32)).astype(float)
     v, a, j = limits.velocity * dt - rounding, limits.acceleration * dt**2 - 2 * rounding, limits.jerk * dt**3
     j -= 4 * rounding
-    for joint in np.flatnonzero(np.minimum(np.minimum(v, a), j) <= 0.0):
+    inset = 2e-6 + 2.0 * rounding
+    if fixed:  # a jerk that 6 divides; an acceleration that takes more than 2 sqrt(j) is never reached
+        v, j, inset = np.minimum(v, 1.0), 6 * UNIT * np.floor(np.minimum(j, 2.0) / (6 * UNIT)), np.full(len(far), 4e-5)
+        a = np.minimum(a, 2.0 * np.sqrt(np.maximum(j, 0.0)))
+    for joint in np.flatnonzero(np.minimum(np.minimum(v, a), j) <= fixed * _TIGHTEST):
         raise MotiondeckError(f"the limits of joint {joint} are too tight for 32-bit numbers at {1.0 / dt:g} Hz")
-    inset = np.minimum(2e-6 + 2.0 * rounding, 0.5 * (limits.upper - limits.lower))
+    for joint in np.flatnonzero(far * fixed > _WIDEST):
+        raise MotiondeckError(f"joint {joint} turns by {far[joint]:.1f} rad; fixed-point numbers hold {_WIDEST:g}")
+    inset = np.minimum(inset, 0.5 * (limits.upper - limits.lower))
     way = [longest_run(*row) for row in zip(v, a, a, j, strict=True)]
-    return np.column_stack([v, a, j, limits.lower + inset, limits.upper - inset, way]).astype("<f4").tobytes()
+    return _numbers(np.column_stack([v, a, j, limits.lower + inset, limits.upper - inset, way]), fixed)
 
 
 def _stored(motion: Keys | BoardNetwork) -> bytes:

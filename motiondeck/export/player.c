@@ -8,8 +8,12 @@
 
 #include "envelope.c"
 
-#define MAGIC 0x3150444Du /* "MDP1" */
-enum { WORDS = 1, CHECKSUM, JOINTS, MOTIONS, TICK_RATE, FRAME_RATE, LIMITS, MOTION_ROWS, WAYS, NAMES, INVERSE };
+#ifdef MD_FIXED
+#define MAGIC 0x3258444Du /* "MDX2" */
+#else
+#define MAGIC 0x3250444Du /* "MDP2" */
+#endif
+enum { WORDS = 1, CHECKSUM, JOINTS, MOTIONS, TICK_RATE, FRAMES_A_TICK, LIMITS, MOTION_ROWS, WAYS, NAMES, INVERSE, TICK };
 
 #define SHORTEST 0.2f /* fade_search.py */
 #define LONGEST 1.6f
@@ -25,13 +29,16 @@ enum { WORDS = 1, CHECKSUM, JOINTS, MOTIONS, TICK_RATE, FRAME_RATE, LIMITS, MOTI
 #define CORRECTED_AGAIN 0.05f
 #define VELOCITY_REACH (8.0f / 120.0f)
 #define TEMPO_RATE 2.5f /* tempo.py */
+#define PER_LEVER (1.0f / LEVER)
 #define LEVER 4.0f      /* m, of the bone that stands for a joint and turns by 1 / LEVER of its angle (joint_angles.py) */
+#define HARD 8.0f       /* accelerations of motions are in units of HARD * HARD rad/s^2 */
 #define SOON 1e-5f      /* s; times that differ by less are the same */
 #define NONE (-1)
 #define COARSE 4 /* anchors from one that is compared first to the next (spread_search.py) */
 #define CARRIED 0.4531f
 #define SHORTEST_BEAT 0.25f /* s (beat_clock.py) */
 #define LONGEST_BEAT 1.5f
+#define LONG_AGO 30.0f
 #define FOLLOW 80.0f /* 1/s (live_values.py) */
 #define BLEND_TURNS_OVER 2.0f /* performance.py, playing_tracks.py */
 #define EASED_FROM 0.7f
@@ -44,15 +51,50 @@ enum { WORDS = 1, CHECKSUM, JOINTS, MOTIONS, TICK_RATE, FRAME_RATE, LIMITS, MOTI
 #define MOST_CENTERS 8
 #define BLENDS (MD_MOST_BLENDED > 1)
 
+/* What numbers of fixed point do in their own way (fixed.h). */
+#ifndef MD_FIXED
+static md_real times_key(md_real weight, int16_t key) { return weight * (float)key; }
+static md_wide product(md_real x, md_real y) { return x * y; }
+static md_real times(md_real x, int n) { return x * (float)n; }
+static md_real share_of(md_real x, int n) { return x / (float)n; }
+static md_real ratio(int k, int n) { return (float)k / (float)n; }
+static int whole(md_real x) { return (int)floorf(x); }
+static int nearest(md_real x) { return (int)rintf(x); }
+static int nearest_times(md_real x, int n) { return (int)rintf(x * (float)n); }
+static md_time multiple(md_real x, int n) { return x * (float)n; }
+static md_time scaled(md_time x, md_real by) { return x * by; }
+static int whole_ticks(md_real seconds, md_time tick) { return (int)(seconds / tick); }
+static int whole_times(md_time x, md_real y, md_real *share) {
+  md_real n = floorf(x / y);
+  *share = x / y - n;
+  return (int)n;
+}
+/* exp x, for |x| < 80 */
+static float exponential(float x) {
+  int32_t twos = (int32_t)(x * 1.44269504f + copysignf(0.5f, x));
+  float r = x - (float)twos * 0.693147181f, power;
+  uint32_t bits = (uint32_t)(twos + 127) << 23;
+  memcpy(&power, &bits, sizeof power);
+  return power * (1.0f + r * (1.0f + r * (0.5f + r * (1.0f / 6.0f + r * (1.0f / 24.0f + r * (1.0f / 120.0f + r / 720.0f))))));
+}
+#endif
+
 enum { RUNNING, BRAKING, LATCHED, HELD };           /* phases of the stop (stop_state.py) */
 enum { STOPPING, MOVING, ARRIVING, FOLLOWING, HOLDING }; /* ways of the joints (run_phases.py) */
 
 /* ---- the figure ---- */
 
-static float real_at(const uint32_t *figure, int word) {
-  float value;
+static md_real real_at(const uint32_t *figure, int word) {
+  md_real value;
   memcpy(&value, figure + word, sizeof value);
   return value;
+}
+static md_time time_at(const uint32_t *figure, int word) {
+#ifdef MD_FIXED
+  return md_time::of((int32_t)figure[word]);
+#else
+  return real_at(figure, word);
+#endif
 }
 static const md_motion *motion_row(const uint32_t *figure, int motion) {
   return (const md_motion *)(const void *)(figure + figure[MOTION_ROWS]) + motion;
@@ -78,7 +120,11 @@ static uint32_t sum_of(const uint32_t *figure) {
 
 int md_joints(const uint32_t *figure) { return (int)figure[JOINTS]; }
 int md_motions(const uint32_t *figure) { return (int)figure[MOTIONS]; }
-float md_rate(const uint32_t *figure) { return real_at(figure, TICK_RATE); }
+float md_rate(const uint32_t *figure) {
+  float rate;
+  memcpy(&rate, figure + TICK_RATE, sizeof rate);
+  return rate;
+}
 const char *md_joint_name(const uint32_t *figure, int joint) {
   const char *name = (const char *)(figure + figure[NAMES]);
   while (joint--) name += strlen(name) + 1;
@@ -93,46 +139,37 @@ int md_find(const uint32_t *figure, const char *name) {
   return MD_E_MOTION;
 }
 
+#if MD_NETWORKS
 /* 1 - cos x, and sin x, for |x| < 1 */
-static float versine(float x) {
-  float s = x * x;
+static md_real versine(md_real x) {
+  md_real s = x * x;
   return s * (1.0f / 2.0f - s * (1.0f / 24.0f - s * (1.0f / 720.0f - s * (1.0f / 40320.0f))));
 }
-static float sine(float x) {
-  float s = x * x;
+static md_real sine(md_real x) {
+  md_real s = x * x;
   return x * (1.0f - s * (1.0f / 6.0f - s * (1.0f / 120.0f - s * (1.0f / 5040.0f - s * (1.0f / 362880.0f)))));
 }
-/* exp x, for |x| < 80 */
-static float exponential(float x) {
-  int32_t twos = (int32_t)(x * 1.44269504f + copysignf(0.5f, x));
-  float r = x - (float)twos * 0.693147181f, power;
-  uint32_t bits = (uint32_t)(twos + 127) << 23;
-  memcpy(&power, &bits, sizeof power);
-  return power * (1.0f + r * (1.0f + r * (0.5f + r * (1.0f / 6.0f + r * (1.0f / 24.0f + r * (1.0f / 120.0f + r / 720.0f))))));
-}
-
-#if MD_NETWORKS
 /* Angles of a frame, rad, of a network: centers turn, satellites respond to where they are (centralized.py). Its words: the
    centers, the satellites; of each center its turns in a frame and at the first; of each joint the rest and the unit of its
    weights; of each satellite the linear form of its exponent; then of each the weights of all joints, 16 bits each. */
-static void evaluate(const md_player *p, const md_motion *m, int frame, float *angles) {
+static void evaluate(const md_player *p, const md_motion *m, int frame, md_real *angles) {
   const uint32_t *at = p->figure + m->keys;
   int centers = (int)at[0], satellites = (int)at[1], states = 2 * centers, joints = p->joints, width = (joints + 1) & ~1;
-  const float *turns = (const float *)(const void *)(at + 2), *rest = turns + states;
-  const float *form = rest + 2 * joints;
+  const md_real *turns = (const md_real *)(const void *)(at + 2), *rest = turns + states;
+  const md_real *form = rest + 2 * joints;
   const int16_t *weights = (const int16_t *)(const void *)(form + satellites * (states + 1));
-  float state[2 * MOST_CENTERS];
+  md_real state[2 * MOST_CENTERS];
   int32_t response[4]; /* of satellites that count, in 2^-20 */
   const int16_t *row[4];
   int64_t sum[MD_MOST_JOINTS];
   for (int k = 0; k < states; k += 2) {
-    float turn = (float)frame * turns[k] + turns[k + 1], x = 1.57079633f * (turn - rintf(turn));
-    float c = 1.0f - versine(x), s = sine(x), c2 = c * c - s * s, s2 = 2.0f * c * s;
+    md_real turn = (md_real)frame * turns[k] + turns[k + 1], x = 1.57079633f * (turn - rintf(turn));
+    md_real c = 1.0f - versine(x), s = sine(x), c2 = c * c - s * s, s2 = 2.0f * c * s;
     state[k] = c2 * c2 - s2 * s2, state[k + 1] = 2.0f * c2 * s2;
   }
   memset(sum, 0, sizeof sum);
   for (int count = 0; satellites--; weights += width) {
-    float exponent = form[states];
+    md_real exponent = form[states];
     for (int k = 0; k < states; k += 2) exponent += form[k] * state[k] + form[k + 1] * state[k + 1];
     form += states + 1;
     if (exponent >= LEAST_RESPONSE) response[count] = (int32_t)(1048576.0f * exponential(exponent)), row[count++] = weights;
@@ -143,12 +180,12 @@ static void evaluate(const md_player *p, const md_motion *m, int frame, float *a
                 (int64_t)response[3] * row[3][j];
     count = 0;
   }
-  for (int j = 0; j < joints; j++) angles[j] = rest[2 * j] + rest[2 * j + 1] / 256.0f * (float)(int32_t)(sum[j] >> 12);
+  for (int j = 0; j < joints; j++) angles[j] = rest[2 * j] + rest[2 * j + 1] / 256.0f * (md_real)(int32_t)(sum[j] >> 12);
 }
 #endif
 
 /* Angles of a frame, rad: a uniform cubic B-spline through the keys (keys.py), or what a network has there. */
-static void draw(const md_player *p, const md_motion *m, int frame, float *angles) {
+static void draw(const md_player *p, const md_motion *m, int frame, md_real *angles) {
   int count = (int)m->count, moving = (int)m->moving, width = (p->joints + 1) & ~1;
   frame = frame < moving ? frame : moving - 1;
 #if MD_NETWORKS
@@ -157,24 +194,29 @@ static void draw(const md_player *p, const md_motion *m, int frame, float *angle
     return;
   }
 #endif
-  float place = m->loop ? (float)frame * (float)count / (float)moving
-                        : (float)frame * (float)(count - 3) / (float)(moving - 1);
-  int first = (int)place, last = m->loop ? count - 1 : count - 4;
-  first = first < last ? first : last;
-  float u = place - (float)first, w = 1.0f - u, unit = m->unit / 6.0f;
-  float weight[4] = {w * w * w, (3.0f * u - 6.0f) * u * u + 4.0f, ((3.0f - 3.0f * u) * u + 3.0f) * u + 1.0f, u * u * u};
+  int keys = m->loop ? count : count - 3, frames = m->loop ? moving : moving - 1, first = (int)((unsigned)(frame * keys) / (unsigned)frames);
+  first = first < keys ? first : keys - 1;
+  md_real u = ratio(frame * keys - first * frames, frames), w = 1.0f - u;
+  md_real weight[4] = {w * w * w, (3.0f * u - 6.0f) * u * u + 4.0f, ((3.0f - 3.0f * u) * u + 3.0f) * u + 1.0f, u * u * u};
   const int16_t *row[4];
   for (int k = 0; k < 4; k++) {
     int key = first + k < count ? first + k : first + k - count;
     row[k] = (const int16_t *)(p->figure + m->keys) + key * width;
-    weight[k] *= unit;
+    weight[k] *= m->unit;
   }
   for (int j = 0; j < p->joints; j++)
-    angles[j] = weight[0] * (float)row[0][j] + weight[1] * (float)row[1][j] + weight[2] * (float)row[2][j] +
-                weight[3] * (float)row[3][j];
+    angles[j] = times_key(weight[0], row[0][j]) + times_key(weight[1], row[1][j]) + times_key(weight[2], row[2][j]) +
+                times_key(weight[3], row[3][j]);
 }
 
 /* ---- one motion as it plays (frame_player.py, track.py) ---- */
+
+/* A number of a frame or an anchor on a round of so many. */
+static int around(int number, int many) {
+  while (number < 0) number += many;
+  while (number >= many) number -= many;
+  return number;
+}
 
 static int after(const md_motion *m, int frame) {
   int last = (int)m->frames - 1;
@@ -197,10 +239,9 @@ static void begin_at(const md_player *p, md_track *t, const md_motion *m, int fr
   take(p, t, 0, frame);
 }
 
-static void enter_phase(const md_player *p, md_track *t, const md_motion *m, float phase) {
-  float exact = phase * (float)(m->loop ? m->frames : m->steps);
-  int frame = (int)rintf(exact);
-  if (m->loop) frame %= (int)m->frames;
+static void enter_phase(const md_player *p, md_track *t, const md_motion *m, md_real phase) {
+  int frame = nearest_times(phase, (int)(m->loop ? m->frames : m->steps));
+  if (m->loop) frame = around(frame, (int)m->frames);
   begin_at(p, t, m, preceding(m, frame));
   if (t->index[0] == frame) { /* no frame comes before the first of a one-shot */
     take(p, t, 1, frame);
@@ -209,7 +250,7 @@ static void enter_phase(const md_player *p, md_track *t, const md_motion *m, flo
   } else {
     take_from(p, t, 1);
   }
-  t->at = least(phase * m->whole, m->seconds), t->first = 0.0f, t->last = m->seconds;
+  t->at = least(scaled(m->whole, phase), m->seconds), t->first = 0.0f, t->last = m->seconds;
 }
 
 static void enter_anchor(const md_player *p, md_track *t, const md_motion *m, int anchor) {
@@ -219,16 +260,15 @@ static void enter_anchor(const md_player *p, md_track *t, const md_motion *m, in
     begin_at(p, t, m, anchor * (int)m->stride);
     take_from(p, t, 1);
   }
-  t->at = (float)anchor * m->spacing;
-  t->first = m->loop ? t->at - m->seconds : 0.0f;
-  t->last = m->loop ? t->at + m->seconds : m->seconds;
+  t->at = multiple(m->spacing, anchor), t->first = 0.0f, t->last = m->seconds;
+  if (m->loop) t->first = t->at - m->seconds, t->last = t->at + m->seconds;
 }
 
 static void turn_round(const md_player *p, md_track *t) {
   t->forwards = !t->forwards;
   t->fraction = 1.0f - t->fraction;
   for (int i = 0; i < 2; i++) {
-    float row[MD_MOST_JOINTS];
+    md_real row[MD_MOST_JOINTS];
     int index = t->index[i];
     memcpy(row, t->frame[i], sizeof row);
     memcpy(t->frame[i], t->frame[3 - i], sizeof row);
@@ -239,30 +279,31 @@ static void turn_round(const md_player *p, md_track *t) {
   take(p, t, 3, onward(t, towards < end ? towards : end));
 }
 
-static float phase_of(const md_track *t, int place) {
+static md_real phase_of(const md_track *t, int place) {
   const md_motion *m = t->motion;
-  float phase = (float)t->index[place] / (float)(m->loop ? m->frames : m->steps);
+  md_real phase = ratio(t->index[place], (int)(m->loop ? m->frames : m->steps));
   return phase < 1.0f ? phase : 1.0f;
 }
 
-/* Goes some seconds of the motion on, and notes the angles there. */
-static void step_track(const md_player *p, md_track *t, float dt, float tempo) {
-  float seconds = dt * tempo, round = t->motion->seconds;
-  t->at += seconds;
+/* Goes on by a tick or none, and notes the angles there. */
+static void step_track(const md_player *p, md_track *t, int ticks, md_real tempo) {
+  md_real shift = ticks ? tempo : 0.0f;
+  md_time round = t->motion->seconds;
+  t->at += scaled(p->tick_time, shift);
   if (!t->motion->loop) t->at = bounded(t->at, t->first, t->last);
-  for (; t->motion->loop && t->at > 2.0f * round; t->last -= round) t->at -= round, t->first -= round;
-  for (; t->motion->loop && t->at < -2.0f * round; t->last += round) t->at += round, t->first += round;
+  for (; t->motion->loop && t->at > round + round; t->last -= round) t->at -= round, t->first -= round;
+  for (; t->motion->loop && t->at < -(round + round); t->last += round) t->at += round, t->first += round;
   t->backwards = tempo < 0.0f || (tempo == 0.0f && t->backwards);
 
-  if (seconds != 0.0f && (seconds > 0.0f) != t->forwards) turn_round(p, t);
-  t->fraction += fabsf(seconds) * real_at(p->figure, FRAME_RATE);
+  if (shift != 0.0f && (shift > 0.0f) != t->forwards) turn_round(p, t);
+  t->fraction += fabsf(shift) * real_at(p->figure, FRAMES_A_TICK);
   for (; t->fraction >= 1.0f; t->fraction -= 1.0f) {
     memmove(t->frame[0], t->frame[1], sizeof t->frame[0] * 3);
     memmove(t->index, t->index + 1, sizeof t->index[0] * 3);
     take_from(p, t, 3);
   }
-  float u = t->fraction, uu = u * u, uuu = uu * u;
-  float weight[4] = {0.5f * (2.0f * uu - u - uuu), 1.0f + 0.5f * (3.0f * uuu - 5.0f * uu),
+  md_real u = t->fraction, uu = u * u, uuu = uu * u;
+  md_real weight[4] = {0.5f * (2.0f * uu - u - uuu), 1.0f + 0.5f * (3.0f * uuu - 5.0f * uu),
                      0.5f * (u + 4.0f * uu - 3.0f * uuu), 0.5f * (uuu - uu)};
   memcpy(t->before, t->now, sizeof t->now);
   for (int j = 0; j < p->joints; j++)
@@ -275,40 +316,53 @@ static int has_ended(const md_track *t) {
 }
 
 static void finish_round(md_track *t) {
-  float seconds = t->motion->seconds;
+  md_real seconds = t->motion->seconds, left;
   if (!t->motion->loop) return;
-  t->first = t->last + floorf((t->at - t->last + SOON) / seconds) * seconds;
+  t->first = t->last + multiple(seconds, whole_times(t->at - t->last + SOON, seconds, &left));
   t->last = t->first + seconds;
 }
 
 /* ---- where a motion is entered (transition.best_anchor) ---- */
 
-/* The speed at which the end of a joint's bone moves, signed, m/s, as the joint turns by some rad in some s. */
-static float chord_speed(float turn, float seconds) { return 2.0f * LEVER * sine(turn / (2.0f * LEVER)) / seconds; }
+
+/* The end of a joint's bone is LEVER away, m: its way and the square of its straight way as the joint turns by some rad. */
+static md_real way_of(md_real turn) {
+  md_real s = turn * turn * (1.0f / (LEVER * LEVER));
+  return turn * (1.0f - s * (1.0f / 6.0f - s * (1.0f / 120.0f - s * (1.0f / 5040.0f - s * (1.0f / 362880.0f)))));
+}
+static md_wide square_of(md_real turn) {
+  md_real s = turn * turn * (1.0f / (LEVER * LEVER));
+  return product(turn, turn * (1.0f - s * (1.0f / 12.0f - s * (1.0f / 360.0f - s * (1.0f / 20160.0f)))));
+}
+/* The straight way to an end that is turned by some rad, signed. */
+static md_real chord(md_real turn) { return 2.0f * way_of(0.5f * turn); }
 
 /* How many anchors of a motion are compared: some all over it, then those about the best of these. */
 static int compared(const md_motion *m) { return ((int)m->entries + COARSE - 1) / COARSE + 2 * (COARSE - 1); }
 
 static void compare(md_player *p, const md_motion *m, int anchor) {
-  float back[MD_MOST_JOINTS], here[MD_MOST_JOINTS], next[MD_MOST_JOINTS], cost = 0.0f;
+  md_real back[MD_MOST_JOINTS], here[MD_MOST_JOINTS], next[MD_MOST_JOINTS];
+  md_wide cost = 0.0f;
   int last = (int)m->anchors - 1, stride = (int)m->stride;
   int sides = m->loop || (anchor > 0 && anchor < last) ? 2 : 1;
+  md_real reach = VELOCITY_REACH / times(m->spacing, sides), ahead = p->dt * (1.0f / VELOCITY_REACH);
   draw(p, m, (anchor > 0 ? anchor - 1 : m->loop ? last : 0) * stride, back);
   draw(p, m, anchor * stride, here);
   draw(p, m, (anchor < last ? anchor + 1 : m->loop ? 0 : last) * stride, next);
   for (int j = 0; j < p->joints && cost < p->entry_cost; j++) {
-    float own = chord_speed(next[j] - back[j], (float)sides * m->spacing), shown = p->entered_speed[j];
-    float apart = (0.5f * (next[j] + back[j] + p->dt * shown) - p->entered_from[j]) / LEVER, faster = own - shown;
-    cost += 2.0f * LEVER * LEVER * versine((here[j] - p->entered_from[j]) / LEVER) +
-            VELOCITY_REACH * VELOCITY_REACH * (faster * faster + 2.0f * own * shown * versine(apart));
+    md_real own = chord(next[j] - back[j]) * reach, shown = p->entered_reach[j];
+    md_real apart = 0.5f * (next[j] + back[j] + ahead * shown) - p->entered_from[j], faster = own - shown;
+    md_real aside = (md_real)square_of(apart) * (1.0f / (LEVER * LEVER));
+    cost += square_of(here[j] - p->entered_from[j]) + product(faster, faster) + product(own, shown * aside);
   }
   if (cost < p->entry_cost) p->entry_cost = cost, p->entry = anchor;
 }
 
 /* Begins to look where a motion is most like what was shown at last, and before. */
-static void seek_entry(md_player *p, int motion, const float *last, const float *before) {
-  p->entering = motion, p->compared = 0, p->entry_cost = FARTHEST, p->entry = p->adding = 0;
-  for (int j = 0; j < p->joints; j++) p->entered_speed[j] = chord_speed(last[j] - before[j], p->dt);
+static void seek_entry(md_player *p, int motion, const md_real *last, const md_real *before) {
+  md_real reach = VELOCITY_REACH / p->dt;
+  p->entering = motion, p->compared = 0, p->entry_cost = DEAREST, p->entry = p->adding = 0;
+  for (int j = 0; j < p->joints; j++) p->entered_reach[j] = chord(last[j] - before[j]) * reach;
   memcpy(p->entered_from, last, sizeof p->entered_from);
 }
 
@@ -320,7 +374,7 @@ static int search_entry(md_player *p) {
     int anchor = p->compared * COARSE, nth = p->compared - first;
     if (nth == 0) p->coarse = p->entry;
     if (nth >= 0) anchor = p->coarse + nth + (nth < COARSE - 1 ? 1 - COARSE : 2 - COARSE);
-    if (m->loop) anchor = (anchor + entries) % entries;
+    if (m->loop) anchor = around(anchor, entries);
     if (anchor >= 0 && anchor < entries) compare(p, m, anchor);
   }
   return p->compared == compared(m);
@@ -330,36 +384,36 @@ static int search_entry(md_player *p) {
 static void enter_found(const md_player *p, md_track *t) {
   const md_motion *m = motion_row(p->figure, p->entering);
   int late = (compared(m) - 1) / (int)m->searched + 1, anchors = (int)m->anchors;
-  int carried = m->loop ? (int)floorf((float)late * p->dt * p->tempo / m->spacing + CARRIED) : 0;
-  enter_anchor(p, t, m, ((p->entry + carried) % anchors + anchors) % anchors);
+  int carried = m->loop ? whole(times(p->dt, late) * p->tempo / m->spacing + CARRIED) : 0;
+  enter_anchor(p, t, m, around(p->entry + carried, anchors));
 }
 
 /* ---- fades (quintic.py, transition.Fade, fade_search.py) ---- */
 
 typedef struct {
-  float value, slope; /* what is left of a difference in place, and of the way on which its rate leads, s */
+  md_real value, slope; /* what is left of a difference in place, and of the way on which its rate leads, s */
 } Shares;
 
-static Shares left_of(md_fade fade, float elapsed) {
-  float s = least(elapsed / fade.duration, 1.0f), r = least(elapsed / fade.slowing, 1.0f);
+static Shares left_of(md_fade fade, md_real elapsed) {
+  md_real s = least(elapsed / fade.duration, 1.0f), r = least(elapsed / fade.slowing, 1.0f);
   Shares left = {1.0f + s * s * s * (-10.0f + s * (15.0f - 6.0f * s)),
                  fade.slowing * (r + r * r * r * (-6.0f + r * (8.0f - 3.0f * r)))};
   return left;
 }
-static Shares leaving(md_fade fade, float elapsed) {
-  float s = least(elapsed / fade.duration, 1.0f), r = least(elapsed / fade.slowing, 1.0f), turn = s - s * s;
+static Shares leaving(md_fade fade, md_real elapsed) {
+  md_real s = least(elapsed / fade.duration, 1.0f), r = least(elapsed / fade.slowing, 1.0f), turn = s - s * s;
   Shares rates = {-30.0f * turn * turn / fade.duration, 1.0f + r * r * (-18.0f + r * (32.0f - 15.0f * r))};
   return rates;
 }
 
 /* Ends the trial of the candidate, and names the fade to go on with (FadeSearch._try). */
-static void end_trial(md_player *p, float step, md_fade *next) {
-  static const float slowed_within[3] = {1.0f, 0.5f, 0.25f};
+static void end_trial(md_player *p, md_real step, md_fade *next) {
+  static const md_real slowed_within[3] = {1.0f, 0.5f, 0.25f};
   md_fade fade = p->candidate;
-  if (p->already == 0.0f) p->already = LEVER * sqrtf(p->first) / step;
-  float speed = LEVER * sqrtf(p->fastest) / step / most(PLANNED_SHARE * p->bound_speed, p->already), duration;
+  if (p->already == 0.0f) p->already = sqrtf(p->first) / step;
+  md_real speed = sqrtf(p->fastest) / step / most(PLANNED_SHARE * p->bound_speed, p->already), duration, hard = HARD * step;
   /* The use of the planned share of the bounds; 1 is the limit. */
-  float use = most(LEVER * sqrtf(p->hardest) / (step * step) / (PLANNED_SHARE * p->bound_acceleration), speed * speed);
+  md_real use = most(sqrtf(p->hardest) / hard / hard / (PLANNED_SHARE * p->bound_acceleration), speed * speed);
   int better = use < p->least, exhausted;
   p->moment = 0;
   if (++p->trials == 1) p->hasty = p->already > PLANNED_SHARE * p->bound_speed;
@@ -371,7 +425,7 @@ static void end_trial(md_player *p, float step, md_fade *next) {
     p->slowed++, duration = p->best.duration, p->last = FARTHEST, p->rises = 0;
   else
     duration = least(LONGEST, fade.duration * most(LONGER, sqrtf(use)));
-  float allowed = ALL_BUT + YIELDING * (float)(p->trials > PATIENT_TRIALS ? p->trials - PATIENT_TRIALS : 0);
+  md_real allowed = ALL_BUT + times(YIELDING, p->trials > PATIENT_TRIALS ? p->trials - PATIENT_TRIALS : 0);
   p->found = p->least <= allowed || p->slowed == 3;
   *next = p->best;
   if (p->found) return;
@@ -384,16 +438,16 @@ static void end_trial(md_player *p, float step, md_fade *next) {
 static void weigh(md_player *p, md_fade *next) {
   const md_motion *m = p->track.motion;
   md_fade fade = p->candidate;
-  int moments = (int)rintf(MOMENTS * fade.duration / fade.slowing), anchors = (int)m->anchors, k = p->moment;
-  float step = fade.duration / (float)moments, time = step * (float)k, way = (float)k / (float)moments;
-  float low[MD_MOST_JOINTS], high[MD_MOST_JOINTS]; /* angles at the anchors around the moment */
-  float risen = (1.0f - p->onset) * way * way;
-  float place = (p->course_at + p->course_tempo * time * (p->onset + risen / 3.0f)) / m->spacing;
-  int near = (int)floorf(place), further = near + 1;
-  float share = place - (float)near;
+  int moments = nearest(MOMENTS * fade.duration / fade.slowing), anchors = (int)m->anchors, k = p->moment;
+  md_real step = share_of(fade.duration, moments), time = times(step, k), way = ratio(k, moments);
+  md_real low[MD_MOST_JOINTS], high[MD_MOST_JOINTS]; /* angles at the anchors around the moment */
+  md_real risen = (1.0f - p->onset) * way * way;
+  md_real share;
+  int near = whole_times(p->course_at + p->course_tempo * time * (p->onset + risen * (1.0f / 3.0f)), m->spacing, &share);
+  int further = near + 1;
   Shares left = left_of(fade, time);
   if (m->loop) {
-    near = (near % anchors + anchors) % anchors, further = near + 1 < anchors ? near + 1 : 0;
+    near = around(near, anchors), further = near + 1 < anchors ? near + 1 : 0;
   } else {
     near = near < 0 ? 0 : near < anchors ? near : anchors - 1;
     further = further < 0 ? 0 : further < anchors ? further : anchors - 1;
@@ -401,26 +455,29 @@ static void weigh(md_player *p, md_fade *next) {
   draw(p, m, near * (int)m->stride, low);
   draw(p, m, further * (int)m->stride, high);
   if (k == 0) p->fastest = p->hardest = 0.0f;
-  float hardest = p->hardest, short_by = 0.5f * share * (1.0f - share) / (LEVER * LEVER), value = left.value / LEVER, slope = left.slope / LEVER;
+  md_wide hardest = p->hardest;
+  md_real short_by = 0.5f * share * (1.0f - share) * PER_LEVER * PER_LEVER;
   for (int j = 0; j < p->joints; j++) {
     /* The bone, between those of two anchors, and the turn by what is left of the difference. Vectors turn with it. */
     md_bone *bone = p->bone + j;
-    float way_on = high[j] - low[j], length = 1.0f - short_by * way_on * way_on, both = length * bone->length;
-    float angle = (low[j] + share * way_on) / LEVER, turn = value * p->value[j] + slope * p->rate[j], ss = turn * turn;
-    /* Its cosine and sine, as far as decisions ask for them. */
-    float away_x = -length * ss * (1.0f / 2.0f - ss * (1.0f / 24.0f - ss * (1.0f / 720.0f)));
-    float away_y = length * turn * (1.0f - ss * (1.0f / 6.0f - ss * (1.0f / 120.0f - ss * (1.0f / 5040.0f))));
+    md_real way_on = high[j] - low[j], length = 1.0f - short_by * way_on * way_on, both = length * bone->length;
+    md_real angle = low[j] + share * way_on, turn = left.value * p->value[j] + left.slope * p->rate[j];
+    md_real turned = turn * PER_LEVER, ss = turned * turned;
+    /* LEVER times its cosine less 1, and its sine, as far as decisions ask for them. */
+    md_real away_x = -length * turn * turned * (1.0f / 2.0f - ss * (1.0f / 24.0f - ss * (1.0f / 720.0f)));
+    md_real away_y = length * turn * (1.0f - ss * (1.0f / 6.0f - ss * (1.0f / 120.0f - ss * (1.0f / 5040.0f))));
     if (k > 0) {
-      float back = angle - bone->angle, moved = back + turn - bone->turn, longer = length - bone->length;
-      float s = back * back, cosine = 1.0f - s * (0.5f - s / 24.0f), sine_of = back * (1.0f - s * (1.0f / 6.0f));
-      float rise_x = away_x - cosine * bone->away_x - sine_of * bone->away_y;
-      float rise_y = away_y - cosine * bone->away_y + sine_of * bone->away_x;
-      if (longer * longer + both * moved * moved > p->fastest)
-        p->fastest = most(p->fastest, longer * longer + 2.0f * both * versine(moved));
+      md_real on = angle - bone->angle, moved = on + turn - bone->turn, longer = LEVER * (length - bone->length);
+      md_real back = on * PER_LEVER, s = back * back;
+      md_real cosine = 1.0f - s * (0.5f - s * (1.0f / 24.0f)), sine = back * (1.0f - s * (1.0f / 6.0f));
+      md_real rise_x = away_x - cosine * bone->away_x - sine * bone->away_y;
+      md_real rise_y = away_y - cosine * bone->away_y + sine * bone->away_x;
+      if (product(longer, longer) + product(both * moved, moved) > p->fastest)
+        p->fastest = most(p->fastest, product(longer, longer) + product(both, (md_real)square_of(moved)));
       if (k > 1) {
-        float bend_x = rise_x - cosine * bone->rise_x - sine_of * bone->rise_y;
-        float bend_y = rise_y - cosine * bone->rise_y + sine_of * bone->rise_x;
-        hardest = most(hardest, bend_x * bend_x + bend_y * bend_y);
+        md_real bend_x = rise_x - cosine * bone->rise_x - sine * bone->rise_y;
+        md_real bend_y = rise_y - cosine * bone->rise_y + sine * bone->rise_x;
+        hardest = most(hardest, product(bend_x, bend_x) + product(bend_y, bend_y));
       }
       bone->rise_x = rise_x, bone->rise_y = rise_y;
     }
@@ -440,8 +497,8 @@ static void go_over_to(md_player *p, md_fade fade) {
   Shares went = leaving(old, p->elapsed), goes = leaving(fade, p->elapsed);
   Shares gap = left_of(shortest, p->gap_elapsed), gap_goes = leaving(shortest, p->gap_elapsed);
   for (int j = 0; j < p->joints; j++) {
-    float value = (was.value - is.value) * p->value[j] + (was.slope - is.slope) * p->rate[j];
-    float rate = (went.value - goes.value) * p->value[j] + (went.slope - goes.slope) * p->rate[j];
+    md_real value = (was.value - is.value) * p->value[j] + (was.slope - is.slope) * p->rate[j];
+    md_real rate = (went.value - goes.value) * p->value[j] + (went.slope - goes.slope) * p->rate[j];
     if (p->has_gap) {
       value += gap.value * p->gap_value[j] + gap.slope * p->gap_rate[j];
       rate += gap_goes.value * p->gap_value[j] + gap_goes.slope * p->gap_rate[j];
@@ -463,7 +520,7 @@ static void advance_fade(md_player *p) {
 }
 
 /* Starts the fade of the difference from the target of the track to what is shown. */
-static void begin_fade(md_player *p, float onset, float speed, float acceleration) {
+static void begin_fade(md_player *p, md_real onset, md_real speed, md_real acceleration) {
   const md_track *t = &p->track;
   for (int j = 0; j < p->joints; j++) {
     p->value[j] = p->shown[j] - t->now[j];
@@ -474,21 +531,21 @@ static void begin_fade(md_player *p, float onset, float speed, float acceleratio
   p->fading = 1, p->found = p->has_gap = p->trials = p->slowed = p->rises = p->moment = 0;
   p->elapsed = p->gap_elapsed = p->already = 0.0f;
   p->least = p->last = FARTHEST, p->onset = onset;
-  float faster = most(1.0f, fabsf(p->tempo));
+  md_real faster = most(1.0f, fabsf(p->tempo));
   p->bound_speed = faster * FASTEST * speed, p->bound_acceleration = faster * faster * acceleration;
   p->course_at = t->at, p->course_tempo = p->tempo;
 }
 
 /* The share of the tempo at which the motion plays: a one-shot starts slowly as it fades in. */
-static float onset_of(const md_player *p) {
+static md_real onset_of(const md_player *p) {
   if (!p->fading || p->track.motion->loop) return 1.0f;
-  float progress = least(1.0f, p->elapsed / p->fade.duration);
+  md_real progress = least(1.0f, p->elapsed / p->fade.duration);
   return p->onset + (1.0f - p->onset) * progress * progress;
 }
 
 /* ---- joins (performance.py, join_limits.py) ---- */
 
-static void limit_join(md_player *p, float speed, float acceleration) {
+static void limit_join(md_player *p, md_real speed, md_real acceleration) {
   if (!p->limited) p->weight_pace = 1.0f;
   p->join_speed = FASTEST * (p->limited ? most(p->own_speed, speed) : speed);
   p->join_acceleration = HARDEST * (p->limited ? most(p->own_acceleration, acceleration) : acceleration);
@@ -497,26 +554,28 @@ static void limit_join(md_player *p, float speed, float acceleration) {
 }
 
 /* The use of the limits of the join by what is shown; 1 is the limit. */
-static float use_of_limits(const md_player *p) {
-  float fastest = 0.0f, hardest = 0.0f;
+static md_real use_of_limits(const md_player *p) {
+  md_real fastest = 0.0f, hard = HARD * p->dt;
+  md_wide hardest = 0.0f;
   for (int j = 0; j < p->joints; j++) {
-    float now = (p->shown[j] - p->posture[j]) / LEVER, then = (p->posture[j] - p->before[j]) / LEVER;
-    float along = now - then, across = 0.5f * (now * now + then * then);
+    md_real now = p->shown[j] - p->posture[j], then = p->posture[j] - p->before[j];
+    md_real along = now - then, across = (0.5f * PER_LEVER) * (now * now + then * then);
     fastest = most(fastest, fabsf(now));
-    if (along * along + across * across <= hardest) continue; /* what follows is less */
-    along = sine(now) - sine(then), across = versine(now) + versine(then);
-    hardest = most(hardest, along * along + across * across);
+    if (product(along, along) + product(across, across) <= hardest) continue; /* what follows is less */
+    along = way_of(now) - way_of(then), across = (0.5f * PER_LEVER) * (md_real)(square_of(now) + square_of(then));
+    hardest = most(hardest, product(along, along) + product(across, across));
   }
-  float faster = most(1.0f, fabsf(p->tempo));
-  return most(chord_speed(LEVER * fastest, p->dt) / (faster * p->join_speed),
-              LEVER * sqrtf(hardest) / (faster * faster * p->join_acceleration * p->dt * p->dt));
+  md_real faster = most(1.0f, fabsf(p->tempo));
+  hard = hard * faster;
+  return most(chord(fastest) / (faster * p->join_speed * p->dt), sqrtf(hardest) / hard / hard / p->join_acceleration);
 }
 
-static void fade_to(md_player *p, float speed, float acceleration) {
+static void fade_to(md_player *p, md_real speed, md_real acceleration) {
   md_track *t = &p->track;
-  float onset = t->motion->loop ? 1.0f : 0.0f;
-  step_track(p, t, 0.0f, onset * p->tempo); /* its first two postures: a fade needs a rate of change */
-  step_track(p, t, p->dt, onset * p->tempo);
+  md_real onset = 1.0f;
+  if (!t->motion->loop) onset = 0.0f;
+  step_track(p, t, 0, onset * p->tempo); /* its first two postures: a fade needs a rate of change */
+  step_track(p, t, 1, onset * p->tempo);
   begin_fade(p, onset, speed, acceleration);
 }
 
@@ -533,7 +592,7 @@ static void play_alone(md_player *p) { p->blended = p->crossing = 0; }
 
 /* Steps the motions of a blend, which stay in step, and shows their mean. */
 static void step_blend(md_player *p) {
-  float change, common = 0.0f, own[MD_MOST_BLENDED];
+  md_real change, common = 0.0f, own[MD_MOST_BLENDED];
   p->weighed += p->dt * p->weight_pace;
   p->crossing = p->weighed < p->weighing - SOON;
   change = p->crossing ? p->weighed / p->weighing : 1.0f;
@@ -542,14 +601,14 @@ static void step_blend(md_player *p) {
   for (int k = 0; k <= p->blended; k++) {
     p->weight[k] = (1.0f - change) * p->weight_from[k] + change * p->weight_to[k];
     own[k] = p->lasts[k] / p->lasts[0];
-    float z = (own[k] - 1.0f) / (own[k] + 1.0f), zz = z * z; /* ln x = 2 artanh z */
+    md_real z = (own[k] - 1.0f) / (own[k] + 1.0f), zz = z * z; /* ln x = 2 artanh z */
     common += 2.0f * p->weight[k] * z * (1.0f + zz * (1.0f / 3.0f + zz * (0.2f + zz * (1.0f / 7.0f + zz * (1.0f / 9.0f + zz / 11.0f)))));
   }
   common = exponential(-common);
   memset(p->shown, 0, sizeof p->shown);
   for (int k = 0; k <= p->blended; k++) {
     md_track *t = track_at(p, k);
-    step_track(p, t, p->dt, p->tempo * (common * own[k]));
+    step_track(p, t, 1, p->tempo * (common * own[k]));
     for (int j = 0; j < p->joints; j++) p->shown[j] += p->weight[k] * t->now[j];
   }
 }
@@ -558,14 +617,14 @@ enum { FINE, STANDS_STILL, OVER };
 
 /* What is wrong with the blend (BlendCheck.problem). */
 static int problem_of(md_player *p) {
-  float least_way = FARTHEST, fastest = 0.0f, moved = 0.0f, way = 0.0f, passed = p->dt * fabsf(p->tempo);
+  md_real least_way = FARTHEST, fastest = 0.0f, moved = 0.0f, way = 0.0f, passed = p->dt * fabsf(p->tempo);
   for (int k = 0; k <= p->blended; k++) {
     least_way = least(least_way, STILL * track_at(p, k)->motion->extent);
     fastest = most(fastest, TURNS_OVER * track_at(p, k)->motion->pace);
   }
   for (int j = 0; j < p->joints; j++) {
-    float place = LEVER * sine(p->shown[j] / LEVER);
-    moved = most(moved, fabsf(place - LEVER * sine(p->posture[j] / LEVER)));
+    md_real place = way_of(p->shown[j]);
+    moved = most(moved, fabsf(place - way_of(p->posture[j])));
     if (p->watched <= 0.0f) p->low[j] = p->high[j] = place;
     p->low[j] = least(p->low[j], place), p->high[j] = most(p->high[j], place);
     way = most(way, p->high[j] - p->low[j]);
@@ -581,7 +640,7 @@ static int problem_of(md_player *p) {
 
 /* Has the weights go to those of the plan, others to 0; a change by 1 takes a second. */
 static void change_weights(md_player *p) {
-  float change = 0.0f;
+  md_real change = 0.0f;
   for (int k = 0; k <= p->blended; k++) {
     int motion = motion_index(p, track_at(p, k)->motion);
     p->weight_from[k] = p->weight[k];
@@ -592,7 +651,7 @@ static void change_weights(md_player *p) {
 }
 
 static void limit_blend(md_player *p) {
-  float speed = 0.0f, acceleration = 0.0f;
+  md_real speed = 0.0f, acceleration = 0.0f;
   for (int k = 0; k <= p->blended; k++) {
     speed = most(speed, track_at(p, k)->motion->speed);
     acceleration = most(acceleration, track_at(p, k)->motion->acceleration);
@@ -603,11 +662,11 @@ static void limit_blend(md_player *p) {
 /* Adds the motion that was sought, with a weight of 0 so far. */
 static void add_motion(md_player *p) {
   md_track *t = p->beside + p->blended;
-  float first = p->track.motion->seconds, other;
+  md_real first = p->track.motion->seconds, other;
   if (!p->blended) p->weight[0] = 1.0f, p->lasts[0] = first;
   p->weight[++p->blended] = 0.0f, p->watched = -1.0f;
   enter_found(p, t);
-  step_track(p, t, 0.0f, p->tempo);
+  step_track(p, t, 0, p->tempo);
   other = t->motion->seconds; /* the shorter goes round a whole number of times while the longer does */
   p->lasts[p->blended] = p->lasts[0] / first * other * (first < other ? 1.0f / rintf(other / first) : rintf(first / other));
 }
@@ -653,7 +712,7 @@ static void give_up_blend(md_player *p) {
   for (int k = 1; k <= p->blended; k++)
     if (p->weight[k] > p->weight[nearest]) nearest = k;
   const md_motion *one = p->track.motion, *other = track_at(p, nearest)->motion;
-  float speed = most(one->speed, other->speed), acceleration = most(one->acceleration, other->acceleration);
+  md_real speed = most(one->speed, other->speed), acceleration = most(one->acceleration, other->acceleration);
   limit_join(p, speed, acceleration);
   move_track(p, nearest, 0);
   play_alone(p);
@@ -666,14 +725,14 @@ static void give_up_blend(md_player *p) {
 
 static void switch_to_found(md_player *p) {
   const md_motion *from = p->track.motion, *to = motion_row(p->figure, p->entering);
-  float speed = most(from->speed, to->speed), acceleration = most(from->acceleration, to->acceleration);
+  md_real speed = most(from->speed, to->speed), acceleration = most(from->acceleration, to->acceleration);
   limit_join(p, speed, acceleration);
   play_alone(p);
   enter_found(p, &p->track);
   fade_to(p, speed, acceleration);
 }
 
-static void jump_to(md_player *p, float phase) {
+static void jump_to(md_player *p, md_real phase) {
   const md_motion *m = p->track.motion;
   limit_join(p, m->speed, m->acceleration);
   enter_phase(p, &p->track, m, phase);
@@ -691,7 +750,7 @@ static int perform(md_player *p) {
   if (BLENDS && p->blended) {
     step_blend(p);
   } else {
-    step_track(p, &p->track, p->dt, p->tempo * onset_of(p));
+    step_track(p, &p->track, 1, p->tempo * onset_of(p));
     memcpy(p->shown, p->track.now, sizeof p->shown);
   }
   p->problem = BLENDS && p->blended ? problem_of(p) : FINE;
@@ -709,15 +768,15 @@ static int perform(md_player *p) {
     }
   }
   if (p->limited) {
-    float use = use_of_limits(p);
+    md_real use = use_of_limits(p);
     if (BLENDS && p->crossing) {
-      float wanted = bounded(1.0f - (use - EASED_FROM) / (EASED_TO - EASED_FROM), SLOWEST, 1.0f);
+      md_real wanted = bounded(1.0f - (use - EASED_FROM) / (EASED_TO - EASED_FROM), SLOWEST, 1.0f);
       p->weight_pace += (wanted - p->weight_pace) * least(1.0f, p->dt / EASING_SECONDS);
     }
     if (BLENDS && p->blended) {
       if (use > BLEND_TURNS_OVER) p->problem = OVER;
     } else if (use > p->correct_from && !(p->fading && !p->found)) {
-      float onset = onset_of(p);
+      md_real onset = onset_of(p);
       p->correct_from = use + CORRECTED_AGAIN;
       show_extrapolated(p);
       begin_fade(p, onset, m->speed, m->acceleration);
@@ -744,7 +803,7 @@ static int goes_on(md_player *p, int to, int with) {
 }
 
 /* Starts a switch to a motion, and then to its blend with another, if not NONE. */
-static void start_switch(md_player *p, int to, int direct, int with, float share) {
+static void start_switch(md_player *p, int to, int direct, int with, md_real share) {
   const md_motion *here = p->track.motion;
   p->going_to = to, p->with = with, p->share = share, p->current = 1, p->fade_of_switch = 0, p->entering = NONE;
   if (p->blending) p->blending = 2; /* for a switch that was overtaken */
@@ -792,14 +851,14 @@ static void take_next(md_player *p) {
 
 /* ---- a lock to beats (beat_clock.py, references.Beats, phase_lock.py) ---- */
 
-static int captured(float interval) { return interval >= 0.98f * SHORTEST_BEAT && interval <= 1.02f * LONGEST_BEAT; }
+static int captured(md_real interval) { return interval >= 0.98f * SHORTEST_BEAT && interval <= 1.02f * LONGEST_BEAT; }
 
-static void begin_beats(md_beats *b, float ago) {
+static void begin_beats(md_beats *b, md_real ago) {
   b->last = ago, b->counted = 1, b->strays = b->was_stray = b->steady = 0;
 }
 
-static void second_beat(md_beats *b, float ago) {
-  float since = b->last - ago;
+static void second_beat(md_beats *b, md_real ago) {
+  md_real since = b->last - ago;
   if (captured(since))
     b->period = bounded(since, SHORTEST_BEAT, LONGEST_BEAT), b->last = ago, b->counted = 2;
   else if (since > LONGEST_BEAT)
@@ -807,8 +866,8 @@ static void second_beat(md_beats *b, float ago) {
 }
 
 /* Whether the latest three intervals are alike and no whole number of periods. */
-static int another_tempo(md_beats *b, float interval) {
-  float whole = most(rintf(interval / b->period), 1.0f);
+static int another_tempo(md_beats *b, md_real interval) {
+  md_real whole = most(rintf(interval / b->period), 1.0f);
   int off = fabsf(interval - whole * b->period) > 0.2f * b->period;
   int alike = fabsf(interval - b->interval) < 0.1f * interval;
   b->steady = off && alike ? b->steady + 1 : 0;
@@ -816,8 +875,8 @@ static int another_tempo(md_beats *b, float interval) {
   return b->steady > 1 && captured(interval);
 }
 
-static void take_beat(md_beats *b, float ago, float dt) {
-  float passed = (float)b->ticks * dt, before = b->before + passed, since;
+static void take_beat(md_beats *b, md_real ago, md_real dt) {
+  md_real passed = times(dt, b->ticks), before = b->before + passed, since;
   b->ticks = 0, b->last += passed, since = b->last - ago;
   b->before = ago;
   if (!b->counted) {
@@ -828,7 +887,7 @@ static void take_beat(md_beats *b, float ago, float dt) {
     second_beat(b, ago);
     return;
   }
-  float periods = rintf(since / b->period), error = since - periods * b->period;
+  md_real periods = rintf(since / b->period), error = since - periods * b->period;
   if (periods > 8.0f) {
     begin_beats(b, ago);
   } else if (another_tempo(b, before - ago)) {
@@ -842,8 +901,8 @@ static void take_beat(md_beats *b, float ago, float dt) {
       second_beat(b, ago);
     }
   } else {
-    float k = (float)b->counted, both = (k + 1.0f) * (k + 2.0f);
-    float gain = most(0.51f, 2.0f * (2.0f * k + 1.0f) / both), period_gain = most(0.09f, 6.0f / both);
+    int k = b->counted < 7 ? b->counted : 7, both = (k + 1) * (k + 2); /* the gains are constant from then on */
+    md_real gain = most(0.51f, ratio(4 * k + 2, both)), period_gain = most(0.09f, ratio(6, both));
     b->last = ago + (1.0f - gain) * error;
     b->period = bounded(b->period + period_gain * error / periods, SHORTEST_BEAT, LONGEST_BEAT);
     b->counted++;
@@ -851,53 +910,76 @@ static void take_beat(md_beats *b, float ago, float dt) {
   }
 }
 
-static float in_direction(float tempo, float reference) {
+static md_real in_direction(md_real tempo, md_real reference) {
   return reference >= 0.0f ? bounded(tempo, 0.0f, 3.0f) : bounded(tempo, -3.0f, 0.0f);
 }
 
+static md_real phase_now(const md_player *p) {
+  const md_track *t = &p->track;
+  md_real before = phase_of(t, 1), way = phase_of(t, 2) - before;
+  way -= rintf(way);
+  md_real phase = before + t->fraction * way;
+  return way != 0.0f ? phase - floorf(phase) * (md_real)(phase < 0.0f || phase > 1.0f) : phase;
+}
+
 /* The tempo that keeps step with the beat; far off, a jump. */
-static float steered_tempo(md_player *p) {
+static md_real steered_tempo(md_player *p) {
   md_beats *b = &p->beats;
   const md_motion *m = p->track.motion;
   if (b->period == 0.0f || !m->loop) return p->commanded_tempo;
-  float seconds = m->seconds, beats = seconds / b->period, ratio = beats / (float)(b->chosen ? b->chosen : 1);
-  if (!b->chosen || ratio > 1.6817928f || ratio < 0.59460356f)
-    for (b->chosen = 1; b->chosen < 16 && beats > 1.4142135f * (float)b->chosen;) b->chosen *= 2;
-  float steps = (float)(b->steps ? b->steps : b->chosen), tempo = seconds / (steps * b->period);
-  float behind = b->phase + (b->last + (float)b->ticks * p->dt) / b->period / steps - md_phase(p);
-  float error = (behind - floorf(behind * steps + 0.5f) / steps) * seconds, size = fabsf(error);
+  md_real seconds = m->seconds, beats = seconds / b->period, off = share_of(beats, b->chosen ? b->chosen : 1);
+  if (!b->chosen || off > 1.6817928f || off < 0.59460356f)
+    for (b->chosen = 1; b->chosen < 16 && beats > times(1.4142135f, b->chosen);) b->chosen *= 2;
+  int steps = b->steps ? b->steps : b->chosen;
+  md_real tempo = share_of(beats, steps), behind = b->phase + share_of((b->last + times(p->dt, b->ticks)) / b->period, steps) - phase_now(p);
+  md_real error = (behind - share_of(floorf(times(behind, steps) + 0.5f), steps)) * seconds, size = fabsf(error);
   if (size > 0.8f && !p->current && !p->fading && !p->paused && !p->blended) {
-    float to = md_phase(p) + error / seconds;
+    md_real to = phase_now(p) + error / seconds;
     p->jump = to - floorf(to);
     return in_direction(tempo, tempo);
   }
-  float brake_rate = 0.8f * TEMPO_RATE, linear = brake_rate / 25.0f; /* 5 per s for small errors */
-  float speed = size <= linear ? 5.0f * size : sqrtf(2.0f * brake_rate * (size - 0.5f * linear));
+  md_real brake_rate = 0.8f * TEMPO_RATE, linear = brake_rate / 25.0f; /* 5 per s for small errors */
+  md_real speed = size <= linear ? 5.0f * size : sqrtf(2.0f * brake_rate * (size - 0.5f * linear));
   return in_direction(tempo + copysignf(least(speed, 1.0f), error), tempo);
 }
 
+/* A tick later. A beat that is long ago is as well as one by so many rounds later. */
+static void keep_time(md_beats *b, md_real dt) {
+  int beats = b->steps ? b->steps : 16;
+  md_real passed = times(dt, ++b->ticks);
+  if (passed < 1.0f) return;
+  b->ticks = 0, b->last += passed, b->before = least(b->before + passed, LONG_AGO);
+  if (b->period == 0.0f)
+    b->last = least(b->last, LONG_AGO);
+  else if (b->last > times(b->period, beats + 9) + 2.0f)
+    b->last -= times(b->period, beats);
+}
+
 static void advance_tempo(md_player *p) {
-  float goal = p->commanded_tempo, rate = p->tempo_rate;
+  md_real goal = p->commanded_tempo, rate = p->tempo_rate;
   if (p->beats.locked) goal = steered_tempo(p), rate = TEMPO_RATE;
   if (p->paused) goal = 0.0f, rate = TEMPO_RATE;
-  float most_change = rate * p->dt;
-  p->beats.ticks++;
+  md_real most_change = rate * p->dt;
+  keep_time(&p->beats, p->dt);
   p->tempo += bounded(goal - p->tempo, -most_change, most_change);
 }
+
+/* The first tick that is so many s away, or more. */
+static int ticks_within(const md_player *p, md_real seconds) { return 1 + whole_ticks(least(seconds, 1e5f), p->tick_time); }
 
 /* ---- layers and live values (share.py, layers.py, live_values.py) ---- */
 
 static int arrived(const md_share *s) { return s->share == s->goal; }
 
-static void approach_share(md_share *s, float apart, float dt, int may_change) {
-  float left = s->goal - s->share;
+static void approach_share(md_share *s, md_real apart, md_real dt, int may_change) {
+  md_real left = s->goal - s->share;
   s->farthest = most(apart, s->farthest);
-  float slew = least(20.0f, 0.45f * s->acceleration / s->farthest);
-  float fastest = least(least(3.0f, 0.4f * s->speed / s->farthest), s->acceleration / (8.0f * s->speed));
-  float wanted = may_change ? copysignf(least(fastest, sqrtf(slew * fabsf(left))), left) : 0.0f;
+  md_real slew = least(20.0f, s->acceleration / s->farthest * (0.45f * HARD * HARD));
+  md_real fastest = least(least(3.0f, 0.4f * s->speed / s->farthest), s->acceleration / s->speed * (HARD * HARD / 8.0f));
+  md_real wanted = may_change ? copysignf(least(fastest, sqrtf(slew * fabsf(left))), left) : 0.0f;
   s->pace = bounded(s->pace + bounded(wanted - s->pace, -slew * dt, slew * dt), -fastest, fastest);
   if (fabsf(s->pace) < 1e-6f) s->pace = 0.0f;
-  float step = s->pace * dt;
+  md_real step = s->pace * dt;
   if (may_change && fabsf(left) <= most(fabsf(step), 1e-7f) && step * left >= 0.0f)
     s->share = s->goal, s->pace = 0.0f;
   else
@@ -925,9 +1007,9 @@ static void mix_layers(md_player *p) {
   for (int k = 0; k < p->layers; k++) may[k] = may_change(p, k);
   for (int k = 0; k < p->layers; k++) {
     md_layer_state *l = p->layer + k;
-    float most_change = TEMPO_RATE * p->dt, apart = 0.0f;
+    md_real most_change = TEMPO_RATE * p->dt, apart = 0.0f;
     l->tempo += bounded(l->commanded_tempo - l->tempo, -most_change, most_change);
-    step_track(p, &l->track, p->dt, p->tempo * l->tempo);
+    step_track(p, &l->track, 1, p->tempo * l->tempo);
     for (int j = 0; j < p->joints; j++)
       if (l->joints >> j & 1) apart = most(apart, fabsf(l->track.now[j] - p->targets[j]));
     if (!arrived(&l->share) || l->share.pace != 0.0f) approach_share(&l->share, apart, p->dt, may[k]);
@@ -943,23 +1025,23 @@ static void mix_layers(md_player *p) {
   p->layers = kept;
 }
 
-static float live_angle(md_player *p, md_live_state *l, float beneath) {
-  float dt = p->dt, goal;
+static md_real live_angle(md_player *p, md_live_state *l, md_real beneath) {
+  md_real dt = p->dt, goal;
   if (!l->seen) {
     l->seen = 1, l->shown = beneath;
     return beneath;
   }
-  if (l->seen == 1) l->seen = 2, l->at = l->shown, l->moving = (beneath - l->shown) / dt;
+  if (l->seen == 1) l->seen = 2, l->at = l->shown, l->moving = beneath - l->shown;
   goal = p->paused ? l->at : l->value;
-  float off = l->at - goal, pull = l->moving + FOLLOW * off, way = l->share.speed * dt;
-  l->at += bounded(p->decay * (off + pull * dt) - off, -way, way);
-  l->moving = bounded(p->decay * (l->moving - FOLLOW * pull * dt), -l->share.speed, l->share.speed);
+  md_real follow = (FOLLOW / 2.0f) * (2.0f * dt), off = l->at - goal, pull = l->moving + follow * off, way = l->share.speed * dt;
+  l->at += bounded(p->decay * (off + pull) - off, -way, way);
+  l->moving = bounded(p->decay * (l->moving - follow * pull), -way, way);
   if (!p->paused) {
-    if (--l->left <= SOON / dt) l->share.goal = 0.0f;
+    if (--l->left <= 0) l->share.goal = 0.0f;
   }
   if (l->share.goal == 0.0f) approach_share(&l->share, fabsf(l->at - beneath), dt, !p->paused);
-  float shown = beneath + l->share.share * (l->at - beneath);
-  l->shown_moving = (shown - l->shown) / dt, l->shown = shown;
+  md_real shown = beneath + l->share.share * (l->at - beneath);
+  l->shown_moving = shown - l->shown, l->shown = shown;
   return shown;
 }
 
@@ -1008,11 +1090,11 @@ static int at_rest(md_player *p) {
     if (s[j].v != 0.0f || s[j].a != 0.0f) return 0;
   return 1;
 }
-static const float *follow(md_player *p, const float *targets) {
+static const md_real *follow(md_player *p, const md_real *targets) {
   envelope_tick(p->joints, limits_of(p->figure), joints_of(p), p->safe, targets, p->changed, 0);
   return p->safe;
 }
-static const float *brake(md_player *p) {
+static const md_real *brake(md_player *p) {
   envelope_brake(p->joints, limits_of(p->figure), joints_of(p), p->safe);
   return p->safe;
 }
@@ -1024,24 +1106,54 @@ static void go_there(md_player *p) {
   for (int j = 0; j < p->joints; j++) p->to[j] = bounded(p->targets[j], l[j].lower, l[j].upper);
 }
 
-static void start_approach(md_player *p) {
+/* How many ticks the joints need at least from where they are to where they go; the part of them that has passed. */
+#ifdef MD_FIXED
+static uint64_t cut(uint64_t x) { return x >> 38 ? 1ull << 38 : x; }
+static int too_soon(const md_player *p, uint64_t ticks) { /* 4096ths */
   const EnvelopeLimits *l = limits_of(p->figure);
-  const EnvelopeJoint *s = joints_of(p);
-  float ticks = 0.0f;
   for (int j = 0; j < p->joints; j++) {
-    float distance = fabsf(p->to[j] - s[j].p);
-    p->from[j] = s[j].p;
+    uint64_t way = (uint32_t)fabsf(p->to[j] - p->from[j]).raw, twice = cut((uint32_t)l[j].j.raw * ticks >> 12) * ticks >> 12;
+    if ((uint32_t)l[j].v.raw * ticks < way * 7680u || cut((uint32_t)l[j].a.raw * ticks >> 12) * ticks < way * 23648u ||
+        cut(twice) * ticks < way * 245760u)
+      return 1;
+  }
+  return 0;
+}
+static md_time ticks_needed(const md_player *p) {
+  uint64_t ticks = 0;
+  for (uint64_t more = 1u << 25; more; more >>= 1)
+    if (too_soon(p, ticks + more)) ticks += more;
+  return md_time::of((int64_t)ticks << 18);
+}
+static md_real part_of(int tick, md_time ticks) {
+  int32_t part = md_quotient((uint64_t)tick << 37, (uint32_t)(ticks.raw >> 18));
+  return md_real::of(part < 1 << 25 ? part : 1 << 25);
+}
+#else
+static md_time ticks_needed(const md_player *p) {
+  const EnvelopeLimits *l = limits_of(p->figure);
+  md_time ticks = 0.0f;
+  for (int j = 0; j < p->joints; j++) {
+    md_real distance = fabsf(p->to[j] - p->from[j]);
     ticks = most(ticks, 1.875f * distance / l[j].v);
     ticks = most(ticks, sqrtf(5.7735027f * distance / l[j].a));
     ticks = most(ticks, cbrtf(60.0f * distance / l[j].j));
   }
-  p->approach = 4.0f * ticks;
+  return ticks;
+}
+static md_real part_of(int tick, md_time ticks) { return least((float)tick / ticks, 1.0f); }
+#endif
+
+static void start_approach(md_player *p) {
+  for (int j = 0; j < p->joints; j++) p->from[j] = joints_of(p)[j].p;
+  md_time ticks = ticks_needed(p);
+  p->approach = ticks + ticks + ticks + ticks;
   p->tick = 0, p->way = MOVING;
 }
 
-static const float *approach(md_player *p) {
-  float x = least((float)++p->tick / p->approach, 1.0f), share = x * x * x * (10.0f - 15.0f * x + 6.0f * x * x);
-  float targets[MD_MOST_JOINTS];
+static const md_real *approach(md_player *p) {
+  md_real x = part_of(++p->tick, p->approach), share = x * x * x * (10.0f - 15.0f * x + 6.0f * x * x);
+  md_real targets[MD_MOST_JOINTS];
   for (int j = 0; j < p->joints; j++) targets[j] = p->from[j] + (p->to[j] - p->from[j]) * share;
   return follow(p, targets);
 }
@@ -1057,9 +1169,8 @@ static void set_phase(md_player *p, int phase) {
     p->way = HOLDING;
 }
 
-const float *md_step(md_player *p) {
-  if (p->within > 0.0f && p->silent * p->dt > p->within + SOON && !p->missed) p->missed = 1, halt(p);
-  p->silent += 1.0f;
+static const md_real *step(md_player *p) {
+  if (p->within && !p->missed && p->silent++ >= p->within) p->missed = 1, halt(p);
   if (p->way == HOLDING) {
     if (at_rest(p) && p->phase == BRAKING) set_phase(p, p->demanded ? LATCHED : HELD);
     update(p);
@@ -1070,7 +1181,7 @@ const float *md_step(md_player *p) {
     start_approach(p);
   }
   if (p->way == MOVING) {
-    if ((float)p->tick < p->approach) return approach(p);
+    if (multiple(1.0f, p->tick) < p->approach) return approach(p);
     p->tick = p->approach > 0.0f ? 2 : 0; /* brake at least so long, though 32 bits may not show the last velocity */
     p->way = ARRIVING;
   }
@@ -1082,16 +1193,18 @@ const float *md_step(md_player *p) {
   return follow(p, p->targets);
 }
 
-int md_begin(md_player *p, const uint32_t *figure, const float *measured) {
+const md_number *md_step(md_player *p) { return ALL_OUT(step(p)); }
+
+int md_begin(md_player *p, const uint32_t *figure, const md_number *measured) {
   if (figure[0] != MAGIC || figure[WORDS] != ~figure[INVERSE]) return MD_E_FIGURE; /* before all words are read */
   if (figure[JOINTS] > MD_MOST_JOINTS || sum_of(figure) != figure[CHECKSUM]) return MD_E_FIGURE;
   memset(p, 0, sizeof *p);
-  p->figure = figure, p->joints = (int)figure[JOINTS], p->dt = 1.0f / md_rate(figure);
+  p->figure = figure, p->joints = (int)figure[JOINTS], p->dt = (md_real)time_at(figure, TICK), p->tick_time = time_at(figure, TICK);
   p->tempo = p->commanded_tempo = 1.0f, p->tempo_rate = TEMPO_RATE;
   p->ahead = p->entering = p->with = NONE, p->weight[0] = 1.0f, p->jump = -1.0f, p->phase = RUNNING;
-  p->decay = exponential(-FOLLOW * p->dt);
+  p->decay = exponential((-FOLLOW / 2.0f) * (2.0f * p->dt));
   enter_phase(p, &p->track, motion_row(figure, 0), 0.0f);
-  step_track(p, &p->track, 0.0f, 1.0f);
+  step_track(p, &p->track, 0, 1.0f);
   memcpy(p->shown, p->track.now, sizeof p->shown);
   memcpy(p->posture, p->shown, sizeof p->posture);
   memcpy(p->before, p->shown, sizeof p->before);
@@ -1099,7 +1212,7 @@ int md_begin(md_player *p, const uint32_t *figure, const float *measured) {
   go_there(p);
   EnvelopeJoint *s = joints_of(p);
   for (int j = 0; j < p->joints; j++) {
-    s[j].p = measured && fabsf(measured[j]) < FARTHEST ? measured[j] : p->to[j];
+    s[j].p = measured && fabsf(IN(measured[j])) < FARTHEST ? IN(measured[j]) : p->to[j];
     s[j].goal = s[j].p, s[j].matched = 1.0f;
     p->safe[j] = s[j].p;
   }
@@ -1139,7 +1252,8 @@ int md_switch(md_player *p, int motion, int direct) {
   return played(p);
 }
 
-int md_blend(md_player *p, int first, int second, float weight) {
+int md_blend(md_player *p, int first, int second, md_number weight_of_second) {
+  md_real weight = IN(weight_of_second);
   int refused = playable(p, first), other = playable(p, second);
   if (refused || other) return refused ? refused : other;
   if (!(weight >= -0.3f && weight <= 1.3f) || first == second) return MD_E_VALUE;
@@ -1160,16 +1274,18 @@ int md_queue(md_player *p, int motion) {
   return played(p);
 }
 
-int md_tempo(md_player *p, float tempo, float over) {
+int md_tempo(md_player *p, md_number factor, md_number within) {
+  md_real tempo = IN(factor), over = IN(within);
   if (stopped(p)) return MD_E_STOPPED;
   if (!(tempo >= -3.0f && tempo <= 3.0f && over >= 0.0f && over <= 60.0f)) return MD_E_VALUE;
-  float change = fabsf(tempo - (p->paused ? 0.0f : p->tempo));
+  md_real change = fabsf(tempo - (p->paused ? 0.0f : p->tempo));
   p->commanded_tempo = tempo, p->beats.locked = 0;
   p->tempo_rate = over > 0.0f ? least(TEMPO_RATE, change / over) : TEMPO_RATE;
   return 0;
 }
 
-int md_lock(md_player *p, float phase, int steps) {
+int md_lock(md_player *p, md_number at, int steps) {
+  md_real phase = IN(at);
   if (stopped(p)) return MD_E_STOPPED;
   if (!(phase >= 0.0f && phase <= 1.0f && steps >= 0 && steps <= 16)) return MD_E_VALUE;
   memset(&p->beats, 0, sizeof p->beats);
@@ -1177,20 +1293,22 @@ int md_lock(md_player *p, float phase, int steps) {
   return 0;
 }
 
-int md_beat(md_player *p, float ago) {
+int md_beat(md_player *p, md_number since) {
+  md_real ago = IN(since);
   if (stopped(p)) return MD_E_STOPPED;
   if (!(ago >= -2.0f && ago <= 2.0f)) return MD_E_VALUE;
-  if (!p->beats.locked) md_lock(p, 0.0f, 0);
+  if (!p->beats.locked) md_lock(p, OUT(0.0f), 0);
   take_beat(&p->beats, ago, p->dt);
   return 0;
 }
 
 int md_unlock(md_player *p) {
   if (stopped(p)) return MD_E_STOPPED;
-  return md_tempo(p, p->commanded_tempo, 0.0f);
+  return md_tempo(p, OUT(p->commanded_tempo), OUT(0.0f));
 }
 
-int md_jump(md_player *p, float phase) {
+int md_jump(md_player *p, md_number to) {
+  md_real phase = IN(to);
   if (stopped(p)) return MD_E_STOPPED;
   if (!(phase >= 0.0f && phase <= 1.0f)) return MD_E_VALUE;
   if (p->blended) return MD_E_BLEND;
@@ -1203,7 +1321,8 @@ static void end_layers(md_player *p, uint64_t joints) {
     if (!joints || p->layer[k].joints == joints) p->layer[k].share.goal = 0.0f;
 }
 
-int md_layer(md_player *p, uint64_t joints, int motion, float weight, float tempo) {
+int md_layer(md_player *p, uint64_t joints, int motion, md_number share_of_it, md_number factor) {
+  md_real weight = IN(share_of_it), tempo = IN(factor);
   if (stopped(p)) return MD_E_STOPPED;
   if (!joints || motion == NONE) {
     end_layers(p, joints);
@@ -1213,8 +1332,8 @@ int md_layer(md_player *p, uint64_t joints, int motion, float weight, float temp
   if (refused) return refused;
   if (!(weight >= 0.0f && weight <= 1.0f && tempo >= 0.0f && tempo <= 3.0f)) return MD_E_VALUE;
   const md_motion *m = motion_row(p->figure, motion);
-  float speed = most(m->speed, p->track.motion->speed);
-  float acceleration = most(m->acceleration, p->track.motion->acceleration);
+  md_real speed = most(m->speed, p->track.motion->speed);
+  md_real acceleration = most(m->acceleration, p->track.motion->acceleration);
   md_layer_state *latest = 0;
   for (int k = 0; k < p->layers; k++) {
     md_layer_state *l = p->layer + k;
@@ -1236,13 +1355,14 @@ int md_layer(md_player *p, uint64_t joints, int motion, float weight, float temp
   return 0;
 }
 
-int md_live(md_player *p, int joint, float value, float seconds) {
+int md_live(md_player *p, int joint, md_number place, md_number lasting) {
+  md_real value = IN(place), seconds = IN(lasting);
   if (stopped(p)) return MD_E_STOPPED;
   if (!(joint >= 0 && joint < p->joints && value >= -1.0f && value <= 1.0f && seconds >= 0.05f)) return MD_E_VALUE;
   const EnvelopeLimits *limits = limits_of(p->figure) + joint;
   md_live_state *l = p->live + joint;
-  float zero = bounded(0.0f, limits->lower, limits->upper);
-  md_share share = {1.0f, 1.0f, 0.0f, limits->v / p->dt, limits->a / (p->dt * p->dt), 1e-6f};
+  md_real zero = bounded(0.0f, limits->lower, limits->upper), hard = HARD * p->dt;
+  md_share share = {1.0f, 1.0f, 0.0f, limits->v / p->dt, limits->a / hard / hard, 1e-6f};
   if (!l->active) {
     l->active = 1, l->seen = 0, l->share = share, l->at = l->moving = l->shown_moving = 0.0f;
   } else if (l->share.goal == 0.0f) {
@@ -1250,7 +1370,7 @@ int md_live(md_player *p, int joint, float value, float seconds) {
     l->share = share;
   }
   l->value = zero + fabsf(value) * ((value > 0.0f ? limits->upper : limits->lower) - zero);
-  l->left = seconds / p->dt;
+  l->left = ticks_within(p, seconds - SOON);
   return 0;
 }
 
@@ -1281,25 +1401,22 @@ int md_reset(md_player *p) {
   return 0;
 }
 
-void md_heartbeat(md_player *p, float within) { p->within = within, p->silent = 0.0f, p->missed = 0; }
+void md_heartbeat(md_player *p, md_number within) {
+  md_real seconds = IN(within);
+  p->within = seconds > 0.0f ? ticks_within(p, seconds + SOON) : 0, p->silent = p->missed = 0;
+}
 
 /* ---- what a player tells ---- */
 
-const float *md_targets(const md_player *p) { return p->targets; }
+const md_number *md_targets(const md_player *p) { return ALL_OUT(p->targets); }
 int md_playing(const md_player *p) { return motion_index(p, p->track.motion); }
 int md_going_to(const md_player *p) { return p->current ? p->going_to : md_playing(p); }
-float md_weight(const md_player *p, int motion) {
+md_number md_weight(const md_player *p, int motion) {
   for (int k = 0; BLENDS && k < p->blended; k++)
-    if (motion_index(p, p->beside[k].motion) == motion) return p->weight[k + 1];
-  return motion == md_playing(p) ? p->blended ? p->weight[0] : 1.0f : 0.0f;
+    if (motion_index(p, p->beside[k].motion) == motion) return OUT(p->weight[k + 1]);
+  return motion != md_playing(p) ? 0 : p->blended ? OUT(p->weight[0]) : OUT(1.0f);
 }
-float md_phase(const md_player *p) {
-  const md_track *t = &p->track;
-  float before = phase_of(t, 1), way = phase_of(t, 2) - before;
-  way -= rintf(way);
-  float phase = before + t->fraction * way;
-  return way != 0.0f ? phase - floorf(phase) * (float)(phase < 0.0f || phase > 1.0f) : phase;
-}
+md_number md_phase(const md_player *p) { return OUT(phase_now(p)); }
 int md_mode(const md_player *p) {
   if (p->phase != RUNNING) return stopped(p) ? MD_STOPPED : MD_HELD;
   return p->way == FOLLOWING ? MD_PLAYING : MD_APPROACHING;

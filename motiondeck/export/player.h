@@ -13,10 +13,40 @@
 #define MOTIONDECK_PLAYER_H
 #include <stdint.h>
 
-#define REAL float
+/* Numbers are floats. Where MD_FIXED is defined, there is no floating point: numbers are integers, MD_ONE for 1 (rad, s, a
+   tempo or a share of 1), at most 63 of these, and player.c is compiled as C++. MD(0.5) is 0.5
+   as such a number, MD_FLOAT(x) a number as a float. */
+#ifdef MD_FIXED
+#define MD_ONE 33554432.0
+#define MD(x) ((md_number)((x) * MD_ONE + ((x) < 0 ? -0.5 : 0.5)))
+#ifdef __cplusplus
+#include "fixed.h"
+#else
+typedef int32_t md_real;
+typedef int64_t md_wide, md_time;
+#endif
+typedef int32_t md_number;
+#define ROUNDING 1.5e-5f /* rad; the rounding error of a sum of many positions */
+#define FARTHEST 60.0f   /* rad; targets beyond are not followed */
+#define DEAREST 8000.0f
+#define MD_FLOAT(x) ((float)(x) * (float)(1.0 / MD_ONE))
+#define IN(number) md_real::of(number)
+#define OUT(real) md_real(real).raw
+#define ALL_OUT(reals) (&(reals)->raw)
+#else
+#define MD_ONE 1.0f
+#define MD(x) ((md_number)(x))
+typedef float md_real, md_wide, md_time, md_number;
 #define ROUNDING 1e-6f /* rad; the rounding error of a sum of many positions */
-#define CHANGED 1e-6f
 #define FARTHEST 1e30f
+#define DEAREST 1e30f
+#define MD_FLOAT(x) (x)
+#define IN(number) (number)
+#define OUT(real) (real)
+#define ALL_OUT(reals) (reals)
+#endif
+#define REAL md_real
+#define CHANGED 1e-6f
 #define SQRT sqrtf
 #define CEIL ceilf
 #define FLOOR floorf
@@ -32,6 +62,9 @@
 #endif
 #ifndef MD_MOST_BLENDED
 #define MD_MOST_BLENDED 4 /* motions that play side by side, as in the deck: coming, playing and going; 1: no blends */
+#endif
+#ifdef MD_FIXED
+#define MD_NETWORKS 0
 #endif
 #ifndef MD_NETWORKS
 #define MD_NETWORKS 1 /* 0 without networks in the figure */
@@ -56,37 +89,37 @@ typedef struct {
   uint32_t loop, steps;                 /* whether it is a loop; frames until its phase is 1 */
   uint32_t stride, anchors, entries;    /* frames from anchor to anchor; anchors, of which the first may be entered */
   uint32_t searched;                    /* how many places or moments of it are weighed in a tick */
-  float unit;                           /* of a key, rad */
-  float spacing, seconds, whole;        /* s from anchor to anchor, of a round, and until its phase is 1 */
-  float speed, acceleration;            /* the largest of a joint, rad/s and rad/s^2 */
-  float extent, pace;                   /* the largest way and speed of the end of a joint's bone, m and m/s */
+  md_real unit;                           /* of a key, rad / 6, in fixed point times 2^15 */
+  md_real spacing, seconds, whole;        /* s from anchor to anchor, of a round, and until its phase is 1 */
+  md_real speed, acceleration;            /* the largest of a joint, rad/s and 64 rad/s^2 */
+  md_real extent, pace;                   /* the largest way and speed of the end of a joint's bone, m and m/s */
   uint32_t name;                        /* offset in bytes among the names */
 } md_motion;
 
 /* A difference that runs out: the time it takes, and that until nothing is left of its rate, s. */
 typedef struct {
-  float duration, slowing;
+  md_real duration, slowing;
 } md_fade;
 
 /* A joint in a trial, as a bone: its angle, by how much more it is turned, its length, by how much its end is away, and by
    how much that has risen. */
 typedef struct {
-  float angle, turn, length, away_x, away_y, rise_x, rise_y;
+  md_real angle, turn, length, away_x, away_y, rise_x, rise_y;
 } md_bone;
 
 /* One motion as it plays: four frames about the present moment, and the time into it. */
 typedef struct {
   const md_motion *motion;
-  float frame[4][MD_MOST_JOINTS], before[MD_MOST_JOINTS], now[MD_MOST_JOINTS]; /* rad */
-  int32_t index[4];                                                            /* of the frames */
-  float fraction;                                                              /* of the way from frame 1 to frame 2 */
-  float at, first, last; /* s into the motion, and where it has ended or gone round */
+  md_real fraction; /* of the way from frame 1 to frame 2 */
+  md_time at, first, last; /* s into the motion, and where it has ended or gone round */
   int forwards, backwards;
+  int32_t index[4]; /* of the frames */
+  md_real frame[4][MD_MOST_JOINTS], before[MD_MOST_JOINTS], now[MD_MOST_JOINTS]; /* rad */
 } md_track;
 
 /* The share that angles have in those beneath, on its way to a goal; speed and acceleration bound how fast it goes. */
 typedef struct {
-  float goal, share, pace, speed, acceleration, farthest;
+  md_real goal, share, pace, speed, acceleration, farthest;
 } md_share;
 
 /* A motion on some joints, over what else is played. */
@@ -94,84 +127,76 @@ typedef struct {
   md_share share;
   md_track track;
   uint64_t joints; /* a bit for each, the first joint's lowest */
-  float tempo, commanded_tempo;
+  md_real tempo, commanded_tempo;
 } md_layer_state;
 
 /* A joint that follows values from outside. */
 typedef struct {
   md_share share;
   int active, seen; /* and how many of its targets are known, up to 2 */
-  float left; /* ticks */
-  float value, at, moving, shown, shown_moving;
+  int left;         /* ticks */
+  md_real value, at, moving, shown, shown_moving;
 } md_live_state;
 
 /* The beat that loops keep step with; times are s ago. */
 typedef struct {
   int locked, steps, chosen, counted, strays, was_stray, steady;
-  uint32_t ticks;                              /* since `last` and `before` were so long ago */
-  float phase, period, last, before, interval; /* no period is known at 0 */
+  int ticks;                                     /* since `last` and `before` were so long ago */
+  md_real phase, period, last, before, interval; /* no period is known at 0 */
 } md_beats;
 
+/* What is not an array stands first: a small core reaches there with short instructions. */
 typedef struct {
   const uint32_t *figure;
   int joints;
-  float dt;
-
-  md_track track; /* the motion that plays, or leads a blend */
-  float before[MD_MOST_JOINTS], posture[MD_MOST_JOINTS], shown[MD_MOST_JOINTS]; /* the last two ticks and this one */
-
-  /* The motion that is entered next, where it is compared with what was shown, and the best place so far. */
-  int entering, compared, coarse, entry;
-  float entry_cost, entered_from[MD_MOST_JOINTS], entered_speed[MD_MOST_JOINTS];
-
-  /* The blend: the motions beside the one that leads; of each its weight, where that goes from and to, and s of a round. */
-  md_track beside[MD_MOST_BLENDED > 1 ? MD_MOST_BLENDED - 1 : 1];
-  int blended, crossing, problem; /* motions beside; whether weights change; what is wrong with the blend */
-  float weight[MD_MOST_BLENDED], weight_from[MD_MOST_BLENDED], weight_to[MD_MOST_BLENDED], lasts[MD_MOST_BLENDED];
-  float weighed, weighing, weight_pace;            /* s of the change of weights, of all of it, and its pace */
-  float low[MD_MOST_JOINTS], high[MD_MOST_JOINTS]; /* where joints have been in half a second, m */
-  float watched;                                   /* s of that; below 0 at first */
-
+  md_real dt;
   /* The fade of the last switch, and the gap between it and a shorter one that it began as. */
   int fading, has_gap;
   md_fade fade;
-  float value[MD_MOST_JOINTS], rate[MD_MOST_JOINTS], gap_value[MD_MOST_JOINTS], gap_rate[MD_MOST_JOINTS];
-  float elapsed, gap_elapsed, onset;
+  md_real elapsed, gap_elapsed, onset;
   /* The search for its duration: its trial, and the course of the motion that it considers. */
   int found, trials, slowed, rises, hasty, moment;
   md_fade best, candidate;
-  md_bone bone[MD_MOST_JOINTS];
-  float fastest, first, hardest, least, last, already, bound_speed, bound_acceleration, course_at, course_tempo;
-  /* The limits of the join, the largest of its motions, and from which use of them on the fade is replaced. */
-  int limited;
-  float join_speed, join_acceleration, own_speed, own_acceleration, correct_from;
-
-  /* The plan: what the present switch goes to, and what waits. */
-  int going_to, current, ahead, waits, fade_of_switch, queued;
-  /* What is blended in then, and its weight; whether it is sought, whether weights change for it, and for whom. */
-  int with, adding, blending, blending_to;
-  float share;
-  uint8_t queue[MD_MOST_QUEUED];
-  float jump; /* the phase to go to in this tick; below 0 none */
-
-  float tempo, commanded_tempo, tempo_rate;
+  md_real least, last, already, bound_speed, bound_acceleration, course_tempo;
+  /* The plan: what the present switch goes to, and what waits; the phase to go to in this tick, below 0 none. */
+  int entering, going_to, current, ahead, waits, fade_of_switch, queued;
+  md_real jump, tempo, commanded_tempo, tempo_rate;
   int paused;
-  md_beats beats;
-
-  md_layer_state layer[MD_MOST_LAYERS]; /* the lowest first */
-  int layers;
-  md_live_state live[MD_MOST_JOINTS];
-  float decay; /* of a live joint in a tick */
-  float targets[MD_MOST_JOINTS];
-
   /* The run: emergency stop, approach, heartbeat. */
   int phase, way, demanded, missed;
-  float from[MD_MOST_JOINTS], to[MD_MOST_JOINTS], approach; /* s */
   int32_t tick;
-  float within, silent; /* s, and ticks since the heartbeat */
+  int within, silent; /* ticks; within 0 any */
+  md_real decay;      /* of a live joint in a tick */
+  /* The limits of the join, the largest of its motions, and from which use of them on the fade is replaced. */
+  int limited;
+  md_real join_speed, join_acceleration, own_speed, own_acceleration, correct_from;
+  /* What is blended in with the switch, and its weight; whether it is sought, whether weights change for it, and for whom. */
+  int with, adding, blending, blending_to;
+  md_real share;
+  /* The blend: motions beside the one that leads; whether weights change; what is wrong with the blend. */
+  int blended, crossing, problem;
+  md_real weighed, weighing, weight_pace; /* s of the change of weights, of all of it, and its pace */
+  md_real watched;                        /* s of `low` and `high`; below 0 at first */
+  /* The motion that is entered next, where it is compared with what was shown, and the best place so far. */
+  int compared, coarse, entry, layers;
+  md_wide entry_cost, fastest, first, hardest;
+  md_time tick_time, course_at, approach; /* s, s into the motion, ticks */
+  md_beats beats;
+  uint8_t queue[MD_MOST_QUEUED];
 
+  md_track track;
+  md_real before[MD_MOST_JOINTS], posture[MD_MOST_JOINTS], shown[MD_MOST_JOINTS]; /* the last two ticks and this one */
+  md_real value[MD_MOST_JOINTS], rate[MD_MOST_JOINTS], gap_value[MD_MOST_JOINTS], gap_rate[MD_MOST_JOINTS]; /* of fades */
+  md_real entered_from[MD_MOST_JOINTS], entered_reach[MD_MOST_JOINTS];
+  md_bone bone[MD_MOST_JOINTS];
+  md_layer_state layer[MD_MOST_LAYERS]; /* the lowest first */
+  md_live_state live[MD_MOST_JOINTS];
+  md_track beside[MD_MOST_BLENDED > 1 ? MD_MOST_BLENDED - 1 : 1];
+  md_real weight[MD_MOST_BLENDED], weight_from[MD_MOST_BLENDED], weight_to[MD_MOST_BLENDED], lasts[MD_MOST_BLENDED]; /* s */
+  md_real low[MD_MOST_JOINTS], high[MD_MOST_JOINTS]; /* where joints have been in half a second, m */
+  md_real targets[MD_MOST_JOINTS], from[MD_MOST_JOINTS], to[MD_MOST_JOINTS]; /* from, to: of the approach */
   REAL joint[MD_MOST_JOINTS][6]; /* an EnvelopeJoint each, see envelope.c */
-  float safe[MD_MOST_JOINTS];
+  md_real safe[MD_MOST_JOINTS];
   long long changed[MD_MOST_JOINTS]; /* how many targets the limits have changed */
 } md_player;
 
@@ -180,32 +205,32 @@ extern "C" {
 #endif
 
 /* Starts with the joints at rest at the measured angles, rad, or (NULL) at the first ones of the first motion. */
-int md_begin(md_player *p, const uint32_t *figure, const float *measured);
+int md_begin(md_player *p, const uint32_t *figure, const md_number *measured);
 /* The angles of the next tick, rad, within all limits; they are overwritten by the one after it. */
-const float *md_step(md_player *p);
+const md_number *md_step(md_player *p);
 
 int md_switch(md_player *p, int motion, int direct); /* to a motion, by way of others where it is far; else direct */
 /* Plays a loop with a weight of another from -0.3 to 1.3 in it: switches to the first, then blends the second in. */
-int md_blend(md_player *p, int first, int second, float weight);
+int md_blend(md_player *p, int first, int second, md_number weight);
 int md_queue(md_player *p, int motion);              /* plays a motion after the present round and what waits */
-int md_tempo(md_player *p, float tempo, float over); /* -3 to 3, 1 as recorded, reached within 0 to 60 s */
-int md_jump(md_player *p, float phase);              /* fades to a phase in [0, 1] of the present motion */
+int md_tempo(md_player *p, md_number tempo, md_number over); /* -3 to 3, 1 as recorded, reached within 0 to 60 s */
+int md_jump(md_player *p, md_number phase);              /* fades to a phase in [0, 1] of the present motion */
 /* Plays a motion on some joints, a bit for each, with a weight from 0 to 1, at 0 to 3 times the tempo; motion -1 ends
    the layer of these joints, joints 0 all layers. */
-int md_layer(md_player *p, uint64_t joints, int motion, float weight, float tempo);
+int md_layer(md_player *p, uint64_t joints, int motion, md_number weight, md_number tempo);
 /* Holds a joint at -1 (its lower limit) over 0 (its zero) to 1 (its upper one) for some seconds, at least 0.05; then it
    falls back to the motion. */
-int md_live(md_player *p, int joint, float value, float seconds);
+int md_live(md_player *p, int joint, md_number value, md_number seconds);
 /* Locks loops to a beat, of which one falls on a phase in [0, 1] and so many are in a round, up to 16 (0: whichever number
    is nearest to the motion's own tempo). md_beat is a beat so many s ago, -2 to 2; the first one locks. */
-int md_lock(md_player *p, float phase, int steps);
-int md_beat(md_player *p, float ago);
+int md_lock(md_player *p, md_number phase, int steps);
+int md_beat(md_player *p, md_number ago);
 int md_unlock(md_player *p);
 int md_pause(md_player *p);
 int md_resume(md_player *p);
 void md_stop(md_player *p); /* emergency stop: brakes, and stays so until reset, and then resume or a switch */
 int md_reset(md_player *p);
-void md_heartbeat(md_player *p, float within); /* pauses unless it is called again within so many s; 0: never */
+void md_heartbeat(md_player *p, md_number within); /* pauses unless it is called again within so many s; 0: never */
 
 int md_joints(const uint32_t *figure);
 int md_motions(const uint32_t *figure);
@@ -214,11 +239,11 @@ const char *md_joint_name(const uint32_t *figure, int joint);
 const char *md_motion_name(const uint32_t *figure, int motion);
 int md_find(const uint32_t *figure, const char *name); /* a motion by its name, or MD_E_MOTION */
 
-const float *md_targets(const md_player *p); /* the angles of the last tick before the limits, rad */
+const md_number *md_targets(const md_player *p); /* the angles of the last tick before the limits, rad */
 int md_playing(const md_player *p);  /* the motion that plays now */
 int md_going_to(const md_player *p); /* the motion that is switched to, or that plays */
-float md_weight(const md_player *p, int motion); /* the present weight of a motion; 1 if it plays alone */
-float md_phase(const md_player *p);  /* 0 to 1 */
+md_number md_weight(const md_player *p, int motion); /* the present weight of a motion; 1 if it plays alone */
+md_number md_phase(const md_player *p);  /* 0 to 1 */
 int md_mode(const md_player *p);     /* MD_PLAYING ... */
 
 #ifdef __cplusplus

@@ -28,10 +28,11 @@ def open_figure(
     page: Path | None = None,
     *,
     networks: bool = False,
+    fixed: bool = False,
 ) -> Figure:
     """The figure of motions of a library for a robot or a rig; its page is written into a folder, if one is given.
 
-    `networks` is as of `figure_of`, and for no page. MotiondeckError names the library and what is wrong.
+    `networks` and `fixed` are as of `figure_of`, and for no page. MotiondeckError names the library and what is wrong.
     """
     if (robot is None) is (rig is None):
         raise MotiondeckError("name the robot with --robot, or the rig with --rig, whose joints play the motions")
@@ -48,7 +49,8 @@ def open_figure(
             played, rate = robot_of(place, loaded.skeleton), load_rig(place).rate_hz
         if page is not None:
             return write_page(page, loaded, played, rate, motions, **also)
-        return figure_of(loaded, played.joints, played.limits, played.rest, rate, motions, networks=networks)
+        given = loaded, played.joints, played.limits, played.rest, rate, motions
+        return figure_of(*given, networks=networks, fixed=fixed)
     except MotiondeckError as error:
         raise MotiondeckError(f"{file}: {error}") from None
 

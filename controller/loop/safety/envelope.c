@@ -21,6 +21,12 @@
 const unsigned envelope_source = ENVELOPE_SOURCE; /* a checksum of this file */
 #endif
 
+#ifdef MD_FIXED
+#define SHARED MD_CALLED
+#else
+#define SHARED static
+#endif
+
 #define R(x) ((REAL)(x))
 #define STEPS 16 /* bisection steps for an acceleration between two extremes */
 
@@ -38,20 +44,101 @@ typedef struct {
   REAL high, low, last;
 } Run;
 
-static REAL least(REAL x, REAL y) { return y < x ? y : x; }
-static REAL most(REAL x, REAL y) { return y > x ? y : x; }
+SHARED REAL least(REAL x, REAL y) { return y < x ? y : x; }
+SHARED REAL most(REAL x, REAL y) { return y > x ? y : x; }
 static REAL bounded(REAL x, REAL low, REAL high) { return least(most(x, low), high); }
 
+#ifdef MD_FIXED
+/* The same in whole numbers, with a limit of the jerk that 6 divides: what rounds is a size that n ticks divide. */
+#define PRODUCT(x, y) product(x, y)
+#define TARGET(x) bounded(x, R(-30.0), R(30.0)) /* so that no difference is too large */
+
+static int32_t up(int32_t x, int32_t y) {
+  return x > 0 ? (int32_t)(((uint32_t)x - 1u) / (uint32_t)y) + 1 : -(int32_t)((0u - (uint32_t)x) / (uint32_t)y);
+}
+static int32_t down(int32_t x, int32_t y) { return -up(-x, y); }
+SHARED REAL near_enough(int64_t x) {
+  const int64_t most_way = (int64_t)24 << 25;
+  return md_real::of((int32_t)(x > most_way ? most_way : x < -most_way ? -most_way : x));
+}
+static REAL half_square(REAL x, REAL j) { return md_real::of(md_quotient((uint64_t)((int64_t)x.raw * x.raw) >> 1, (uint32_t)j.raw)) + md_real::of(1); }
+
+static int32_t held_size(uint32_t size, uint32_t j) {
+  uint32_t n = md_root(2u * size / j);
+  n = n ? n : 1u;
+  if (n * (n + 1u) * j < 2u * size) n++;
+  return (int32_t)(size / n + (j / 2u) * (n - 1u));
+}
+static REAL held_back(REAL v, REAL j) {
+  return md_real::of(v.raw < 0 ? -held_size(0u - (uint32_t)v.raw, (uint32_t)j.raw) : held_size((uint32_t)v.raw, (uint32_t)j.raw));
+}
+#else
+#define PRODUCT(x, y) ((x) * (y))
+#define TARGET(x) (x)
+
+static REAL half_square(REAL x, REAL j) { return R(0.5) * (x * x) / j; }
 static REAL held_back(REAL v, REAL j) {
   REAL size = FABS(v), n = CEIL(R(0.5) * (SQRT(R(1.0) + R(8.0) * size / j) - R(1.0)));
   n = n > R(0.0) ? n : R(1.0);
   return COPYSIGN(size / n + R(0.5) * j * (n - R(1.0)), v);
 }
 
+#endif
+
 static REAL braked(REAL v, REAL a, REAL most_a, REAL j) {
   return least(least(most(most(-held_back(v, j), a - j), -most_a), a + j), most_a);
 }
 
+#ifdef MD_FIXED
+static int64_t let_go(int64_t a, int32_t j, int64_t n) { return n * a - (j / 2) * n * (n - 1); }
+/* The way in n ticks that begin with a velocity and an acceleration from which j goes away in each. */
+SHARED int64_t way_in(int64_t n, int64_t v, int64_t a, int32_t j) {
+  int64_t two = n * (n + 1);
+  return n * v + (two >> 1) * a - two * (n + 2) * (j / 6);
+}
+
+static Run stopping_run(REAL velocity, REAL acceleration, REAL most_acceleration, REAL jerk) {
+  int32_t v = velocity.raw, a = acceleration.raw, most_a = most_acceleration.raw, j = jerk.raw, size = a < 0 ? -a : a;
+  int64_t gone = let_go(size, j, up(size, j));
+  int mirrored = v + (a < 0 ? -gone : gone) - a < 0;
+  if (mirrored) v = -v, a = -a;
+
+  int32_t f = down(a, j), m = f, floored = down(a + most_a, j);
+  int64_t square = (int64_t)a * a + j * (v - (f + 1) * (a - (int64_t)(j / 2) * f));
+  int32_t curve = down(a + (square > 0 ? (int32_t)md_root((uint64_t)square) : 0), j);
+  m = curve > f ? curve : f;
+  m = m > floored ? floored : m;
+  m = m > 0 ? m : 0;
+  int64_t run = way_in(m, v, a, j), fast = v + let_go(a, j, m) - (int64_t)j * m;
+
+  int64_t over = fast - let_go(most_a, j, up(most_a, j));
+  if (over >= 0) {
+    int64_t q = md_quotient((uint64_t)over, (uint32_t)most_a) + 1;
+    run += q * fast - (q * (q + 1) >> 1) * most_a;
+    fast -= q * most_a;
+  }
+
+  int32_t h = held_back(md_real::of((int32_t)fast), jerk).raw;
+  int64_t n = up(h, j);
+  run += (n * (n - 1) >> 1) * (h - n * j) + (n - 1) * n * (n + 1) * (j / 6);
+
+  int64_t dip = 0;
+  if (v < 0) {
+    int32_t b = a - j / 2;
+    int64_t turning = (int64_t)b * b + 2 * (int64_t)j * v;
+    int32_t k = up(b - (turning > 0 ? (int32_t)md_root((uint64_t)turning) : 0), j) - 1;
+    dip = way_in(k, v, a, j);
+  }
+  REAL high = near_enough(run > 0 ? run : 0), low = near_enough(dip < 0 ? dip : 0), last = near_enough(run);
+  Run there = {high, low, last}, back = {-low, -high, -last};
+  return mirrored ? back : there;
+}
+
+static REAL longest_run(REAL speed, REAL size, REAL most_a, REAL j) {
+  uint32_t top = (uint32_t)speed.raw + (uint32_t)half_square(size + j, j).raw, hardest = (uint32_t)most_a.raw, jerk = (uint32_t)j.raw;
+  return near_enough((int64_t)top * ((uint32_t)size.raw / jerk + top / hardest + hardest / jerk + 7u));
+}
+#else
 static Run stopping_run(REAL v, REAL a, REAL most_a, REAL j) {
   REAL size = FABS(a), n = CEIL(size / j);
   int mirrored = v + COPYSIGN(n * size - R(0.5) * j * n * (n - R(1.0)), a) - a < R(0.0);
@@ -87,9 +174,10 @@ static Run stopping_run(REAL v, REAL a, REAL most_a, REAL j) {
 }
 
 static REAL longest_run(REAL speed, REAL size, REAL most_a, REAL j) {
-  REAL top = speed + R(0.5) * ((size + j) * (size + j)) / j;
+  REAL top = speed + half_square(size + j, j);
   return top * (size / j + top / most_a + most_a / j + R(4.0));
 }
+#endif
 
 static REAL catching_up(const EnvelopeLimits *l, REAL p, REAL v, REAL goal, REAL goal_v, REAL goal_a, REAL low,
                         REAL high) {
@@ -101,7 +189,7 @@ static REAL catching_up(const EnvelopeLimits *l, REAL p, REAL v, REAL goal, REAL
   if (y_low >= R(0.0) || low >= high) return low;
   REAL y_high = off + high + stopping_run(fast + high, high - goal_a, l->a, l->j).last;
   if (y_high <= R(0.0)) return high;
-  REAL enough = (high - low) / R(STEPS);
+  REAL enough = (high - low) * R(1.0 / STEPS);
   for (;;) {
     REAL middle = low + bounded(-y_low / (y_high - y_low), R(0.1), R(0.9)) * (high - low);
     if (!(low < middle && middle < high)) return low;
@@ -124,8 +212,8 @@ static int can_stop(const EnvelopeLimits *l, REAL p, REAL v, REAL c) {
 static REAL limited(const EnvelopeLimits *l, const EnvelopeJoint *s, REAL goal, REAL goal_v, int near, int *passes) {
   REAL p = s->p, v = s->v, a = s->a, direct = goal - p - v, stop = braked(v, a, l->a, l->j);
   REAL low = most(a - l->j, -l->a), high = least(a + l->j, l->a), half = R(0.5) * l->j;
-  if ((half - low) * (half - low) > R(2.0) * l->j * (l->v + v)) low = most(low, -held_back(l->v + v, l->j));
-  if ((half + high) * (half + high) > R(2.0) * l->j * (l->v - v)) high = least(high, held_back(l->v - v, l->j));
+  if (PRODUCT(half - low, half - low) > PRODUCT(R(2.0) * l->j, l->v + v)) low = most(low, -held_back(l->v + v, l->j));
+  if (PRODUCT(half + high, half + high) > PRODUCT(R(2.0) * l->j, l->v - v)) high = least(high, held_back(l->v - v, l->j));
   low = least(low, stop), high = most(high, stop);
 
   *passes = (near || s->matched > R(0.0)) && low <= direct && direct <= high;
@@ -135,7 +223,7 @@ static REAL limited(const EnvelopeLimits *l, const EnvelopeJoint *s, REAL goal, 
   *passes = 0;
   REAL way = chosen - stop, safe = stop;
   for (int step = 1; step < STEPS; step++) {
-    REAL c = stop + R(step) / R(STEPS) * way;
+    REAL c = stop + R(step) * R(1.0 / STEPS) * way;
     if (!can_stop(l, p, v, c)) break;
     safe = c;
   }
@@ -149,7 +237,7 @@ static REAL joint_tick(const EnvelopeLimits *l, EnvelopeJoint *s, REAL target, i
       direct <= l->a) {
     REAL size = FABS(direct), fast = FABS(fastest), spare = size - R(0.5) * l->j;
     REAL room = l->upper - target < target - l->lower ? l->upper - target : target - l->lower;
-    if (fast + R(0.5) * (spare * spare) / l->j <= l->v &&
+    if (fast + half_square(spare, l->j) <= l->v &&
         (l->way <= room || longest_run(fast, size, l->a, l->j) <= room)) {
       EnvelopeJoint next = {target, s->v + direct, direct, target, target - s->goal, R(1.0)};
       *s = next;
@@ -171,7 +259,7 @@ static REAL joint_tick(const EnvelopeLimits *l, EnvelopeJoint *s, REAL target, i
 void envelope_tick(int joints, const EnvelopeLimits *limits, EnvelopeJoint *states, REAL *safe, const REAL *targets,
                    long long *changed, int near) {
   for (int k = 0; k < joints; k++) {
-    safe[k] = joint_tick(limits + k, states + k, targets[k], near);
+    safe[k] = joint_tick(limits + k, states + k, TARGET(targets[k]), near);
     REAL by = FABS(safe[k] - targets[k]);
     changed[k] += !(by <= R(CHANGED)); /* so that a NaN counts */
   }

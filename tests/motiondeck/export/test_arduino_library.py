@@ -39,10 +39,10 @@ def rig(tmp_path_factory):
     return arduino_boards.written(tmp_path_factory.mktemp("rig"))
 
 
-@pytest.fixture(scope="module")
-def exported(rig, tmp_path_factory):
+@pytest.fixture(scope="module", params=[False, True], ids=["float", "fixed"])
+def exported(rig, tmp_path_factory, request):
     folder = tmp_path_factory.mktemp("library")
-    return arduino_boards.exported(rig, folder), folder
+    return arduino_boards.exported(rig, folder, fixed=request.param), folder
 
 
 def lines_of(folder, sketch, tmp_path, script, ticks):
@@ -90,7 +90,7 @@ def test_servos_get_their_pulses_and_torque_where_they_stand(exported, rig, tmp_
 @pytest.mark.thorough
 def test_what_cannot_be_carried_out_is_refused_with_the_reason(exported, tmp_path):
     asked = {
-        "waltz": "unknown; one of: MOTION, switch, queue, tempo",
+        "waltz": "unknown; one of: MOTION, switch, queue, blend, tempo",
         "switch waltz": "there is no such motion",
         "queue": "there is no such motion",
         "tempo fast": "a number is missing or out of its range",

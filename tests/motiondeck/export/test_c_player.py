@@ -1,5 +1,6 @@
 """Test that the C player of exported figures does as the deck, keeps limits, and refuses what it cannot play."""
 
+import re
 import shutil
 import subprocess
 from dataclasses import astuple, replace
@@ -13,7 +14,17 @@ import pytest
 from msgspec.structs import replace as replace_fields
 
 from benchmarks.export import _c_player as c_player
-from benchmarks.export._c_player import SANITIZED, CPlayer, beyond_limits, deck_plays, random_script, wide
+from benchmarks.export._c_player import (
+    SANITIZED,
+    CPlayer,
+    beyond_limits,
+    deck_plays,
+    in_fixed_point,
+    random_script,
+    wide,
+)
+from benchmarks.export.envelope_twins import beyond_limits as excess_in_fixed_point
+from benchmarks.export.envelope_twins import compiled_fixed
 from command_line import motiondeck
 from controller.deck.interfaces import JointLimits
 from controller.deck.motion_generator import MotionGenerator
@@ -43,8 +54,8 @@ def figure(seed=0):
 
 
 @cache
-def player(*flags):
-    return CPlayer(Path(mkdtemp()), ("-DMD_MOST_LAYERS=16", *flags))
+def player(*flags, fixed=False):
+    return CPlayer(Path(mkdtemp()), ("-DMD_MOST_LAYERS=16", *flags), fixed=fixed)
 
 
 @pytest.mark.parametrize("seed", range(24))
@@ -67,18 +78,21 @@ def test_no_limit_is_broken_whatever_is_commanded(seed):
     assert np.abs(np.diff(ours.safe, axis=0)).max() > 0.005
 
 
-def test_beats_live_values_and_heartbeats_last_as_long_as_in_the_deck():
+@pytest.mark.parametrize("fixed", [False, pytest.param(True, marks=pytest.mark.thorough)])
+def test_beats_live_values_and_heartbeats_last_as_long_as_in_the_deck(fixed):
     """Sums of single ticks came to be off by some ms in half a minute."""
     beats = [(20 + 53 * beat, commands.GiveBeat(ago=0.0)) for beat in range(6)]
     held = [(300, commands.SetInput(name="joint1", value=0.4, seconds=30.0)), (310, commands.Heartbeat(within=32.0))]
-    ours, deck = (plays(wide(figure()), [*beats, *held], 3600, 0.0 * ONES) for plays in (player().trace, deck_plays))
+    one, our = wide(in_fixed_point(figure()) if fixed else figure()), player(fixed=fixed)
+    ours, deck = (plays(one, [*beats, *held], 3600, 0.0 * ONES) for plays in (our.trace, deck_plays))
     assert np.abs(ours.safe - deck.safe).max() < 3e-4
     assert np.ptp(deck.safe[-20:], axis=0).max() < 1e-6 < np.ptp(deck.safe[3440:3460], axis=0).max()
 
 
+@pytest.mark.parametrize("fixed", [False, pytest.param(True, marks=pytest.mark.thorough)])
 @pytest.mark.parametrize("seed", range(6))
-def test_blends_of_blends_their_tempos_and_their_ends_are_those_of_the_deck(seed):
-    rng, one = Random(seed), wide(figure(seed))
+def test_blends_of_blends_their_tempos_and_their_ends_are_those_of_the_deck(seed, fixed):
+    rng, one = Random(seed), wide(in_fixed_point(figure(seed)) if fixed else figure(seed))
     loops = [name for name in one.library.network.motions if name.startswith("loop")]
     script = [(10, commands.SetTempo(factor=round(rng.uniform(0.2, 2.5), 2)))]
     for tick in range(20, 900, 90):
@@ -86,7 +100,7 @@ def test_blends_of_blends_their_tempos_and_their_ends_are_those_of_the_deck(seed
         weight = rng.choice([0.0, 0.5, 1.0, round(rng.uniform(-0.3, 1.3), 2)])
         script += [(tick + rng.randrange(80), commands.Blend(first=first, second=second, weight=weight))]
         script += [(tick + 85, commands.Queue(to=rng.choice(loops)))] * (rng.random() < 0.2)
-    ours, deck = (plays(one, script, 1000, 0.0 * ONES) for plays in (player().trace, deck_plays))
+    ours, deck = (plays(one, script, 1000, 0.0 * ONES) for plays in (player(fixed=fixed).trace, deck_plays))
     assert ours.accepted == deck.accepted
     assert np.abs(ours.safe - deck.safe).max() < 1e-3
 
@@ -124,6 +138,54 @@ def test_a_blend_is_the_mean_of_its_motions_in_step():
     assert np.abs(blended[common:] - blended[:-common]).max() < 0.02
     spectra = [np.fft.rfft(part, axis=0)[0].real / len(part) for part in frames]
     assert np.abs(blended[:common].mean(0) - 0.7 * spectra[0] - 0.3 * spectra[1]).max() < 0.01
+
+
+FEW = [0, 1, 2, 4, *(pytest.param(seed, marks=pytest.mark.thorough) for seed in range(5, 40))]
+
+
+@pytest.mark.skipif(not shutil.which("c++"), reason="no C++ compiler")
+@pytest.mark.parametrize("seed", FEW)
+def test_in_fixed_point_commands_lead_to_the_angles_of_the_deck_and_no_limit_is_broken(seed):
+    rng, one, flags = Random(seed), in_fixed_point(figure(seed % 3)), SANITIZED if seed > 4 else ()
+    script = random_script(one, TICKS, rng, 20.0, layered=seed % 3 > 0)
+    measured, checked = np.array([rng.uniform(-0.5, 0.5) for _ in range(JOINTS)]), player(*flags, fixed=True)
+    deck, ours = deck_plays(wide(one), script, TICKS, measured), checked.trace(wide(one), script, TICKS, measured)
+    assert ours.accepted == deck.accepted
+    assert np.abs(ours.safe - deck.safe).max() < 3e-3
+    limited = checked.trace(one, script, TICKS, measured)
+    assert beyond_limits(one, measured, limited.safe) <= 0.0
+    assert np.abs(np.diff(limited.safe, axis=0)).max() > 0.001
+
+
+@pytest.mark.thorough
+@pytest.mark.skipif(not shutil.which("c++"), reason="no C++ compiler")
+def test_no_target_breaks_limits_in_fixed_point_and_a_broken_braking_law_is_found(tmp_path):
+    program = compiled_fixed(tmp_path)
+    assert max(excess_in_fixed_point(program, seed) for seed in range(8)) <= 0.0
+    assert excess_in_fixed_point(compiled_fixed(tmp_path, broken=True), 0) > 0.0
+
+
+@pytest.mark.thorough
+@pytest.mark.skipif(not shutil.which("arm-none-eabi-g++"), reason="no compiler for a microcontroller")
+def test_in_fixed_point_no_floating_point_is_left_for_a_core_without_it(tmp_path):
+    write_c(in_fixed_point(figure()), tmp_path)
+    words = ["arm-none-eabi-g++", "-mcpu=cortex-m0plus", "-mthumb", "-Os", "-fno-exceptions", "-c", "player.cpp"]
+    subprocess.run(words, cwd=tmp_path, check=True)
+    asked = subprocess.run(
+        ["arm-none-eabi-nm", "-u", tmp_path / "player.o"], check=True, capture_output=True, text=True
+    )
+    assert "__aeabi_uidiv" in asked.stdout
+    assert not re.search(r"__aeabi_[cdf]\w|__aeabi_\w+2[df]|\b(sqrtf|cbrtf|floorf|rintf)\b", asked.stdout)
+
+
+@pytest.mark.thorough
+@pytest.mark.skipif(not shutil.which("c++"), reason="no C++ compiler")
+def test_a_folder_in_fixed_point_builds_and_its_golden_trace_passes(tmp_path):
+    write_c(in_fixed_point(figure(1)), tmp_path)
+    strict = "-Wall -Wextra -Wpedantic -Wshadow -Wconversion -Werror -O1"
+    subprocess.run(["make", "-C", tmp_path, f"CFLAGS={strict}"], check=True, capture_output=True)
+    (tmp_path / "golden.h").write_text((tmp_path / "golden.h").read_text().replace("{60, 's'", "{66, 's'"))
+    assert subprocess.run(["make", "-C", tmp_path], capture_output=True).returncode
 
 
 def test_a_missed_heartbeat_pauses_and_a_given_one_does_not():
@@ -239,6 +301,8 @@ def test_what_does_not_fit_is_refused_with_the_remedy(tmp_path, monkeypatch):
         figure_of(library, names[:3], LIMITS, 0.0 * ONES, 100.0)
     with pytest.raises(MotiondeckError, match="of joint 0 are too tight for 32-bit numbers at 100 Hz"):
         figure_of(library, names, replace(LIMITS, jerk=0.1 * ONES), 0.0 * ONES, 100.0)
+    with pytest.raises(MotiondeckError, match=r"joint 0 turns by 20\.0 rad; fixed-point numbers hold 12"):
+        figure_of(library, names, replace(LIMITS, upper=20.0 * ONES), 0.0 * ONES, 100.0, fixed=True)
     with pytest.raises(MotiondeckError, match="4 joints and 5 motions at 500 Hz; at most 64"):
         figure_of(library, names, LIMITS, 0.0 * ONES, 500.0)
     rough, many = joint_library(40), np.ones(40)

@@ -35,8 +35,8 @@ static inline void md_take_lines(md_player *player, md_goals *goals, md_line *li
   }
 }
 
-/* Answers a computer whose goals are taken: where the joints are, rad, NaN where that is unknown, and an alert of each. */
-static inline void md_tell(md_player *player, md_goals *goals, const float *angles, const uint8_t *alerts) {
+/* Answers a computer whose goals are taken: where the joints are, rad, MD_UNKNOWN or not, and an alert of each. */
+static inline void md_tell(md_player *player, md_goals *goals, const md_number *angles, const uint8_t *alerts) {
   char text[MD_LINE];
   if (!goals->asked) return;
   md_answer(player, goals, angles, alerts, text);

@@ -28,7 +28,7 @@ static void append(char *reply, int size, const char *text) {
 
 static void status(const md_player *p, char *reply, int size) {
   static const char *const modes[] = {"playing", "approaching", "held", "emergency stop"};
-  int percent = (int)(100.0f * md_phase(p));
+  int percent = (int)(100.0f * MD_FLOAT(md_phase(p)));
   char digits[6] = {' ', (char)('0' + percent / 100 % 10), (char)('0' + percent / 10 % 10), (char)('0' + percent % 10), '%', 0};
   append(reply, size, modes[md_mode(p)]);
   append(reply, size, ": ");
@@ -42,17 +42,18 @@ static void status(const md_player *p, char *reply, int size) {
 }
 
 /* The number that a word is; 0 if there is no such word and it may be left out. MD_E_VALUE for what is no number. */
-static int number(const char *word, int needed, float *value) {
+static int number(const char *word, int needed, md_number *value) {
   char *end;
-  *value = 0.0f;
+  *value = 0;
   if (!word) return needed ? MD_E_VALUE : 0;
-  *value = (float)strtod(word, &end);
+  double exact = strtod(word, &end);
+  *value = exact < 63.0 && exact > -63.0 ? MD(exact) : MD(63);
   return *end || end == word ? MD_E_VALUE : 0;
 }
 
 static int carried_out(md_player *p, char *const *words, int count) {
   const char *first = words[0], *second = count > 1 ? words[1] : NULL, *third = count > 2 ? words[2] : NULL;
-  float value, other;
+  md_number value, other;
   if (!strcmp(first, "switch") || !strcmp(first, "queue")) {
     int motion = second ? md_find(p->figure, second) : MD_E_MOTION;
     if (motion < 0) return motion;
@@ -69,7 +70,7 @@ static int carried_out(md_player *p, char *const *words, int count) {
   }
   if (!strcmp(first, "jump")) return number(second, 1, &value) ? MD_E_VALUE : md_jump(p, value);
   if (!strcmp(first, "heartbeat")) {
-    if (number(second, 1, &value) || !(value >= 0.0f && value <= 60.0f)) return MD_E_VALUE;
+    if (number(second, 1, &value) || !(value >= 0 && value <= MD(60))) return MD_E_VALUE;
     md_heartbeat(p, value);
     return 0;
   }

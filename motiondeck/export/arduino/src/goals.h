@@ -17,6 +17,11 @@ extern "C" {
 #endif
 
 #define MD_STEP 20e-6f /* rad */
+#ifdef MD_FIXED
+#define MD_UNKNOWN MD(63) /* an angle that was not measured, or what is further away */
+#else
+#define MD_UNKNOWN 80.0f
+#endif
 enum { MD_TAKEN = 1, MD_OWN_STOP = 2 }; /* goals are taken; the emergency stop is on, and not for the computer's */
 enum { MD_LINE = 4 * MD_MOST_JOINTS + 10 }; /* letters of a line with its end */
 
@@ -25,22 +30,22 @@ typedef struct {
   int off;      /* whether the servos are to be without torque */
   int asked;    /* whether an answer is due */
   int stopping; /* whether the emergency stop is on for the computer's */
-  float within, silent; /* s that goals may be missing, and that they are */
-  float goals[MD_MOST_JOINTS];
+  md_number within, silent; /* s that goals may be missing, and that they are */
+  md_number goals[MD_MOST_JOINTS];
 } md_goals;
 
 /* Takes goals from now on, or (within 0) no longer: the joints brake and are held. They are so too when none have come for
    so many s. */
-int md_follow(md_player *p, md_goals *g, float within);
+int md_follow(md_player *p, md_goals *g, md_number within);
 /* Whether a line is one of goals, and whole. */
 int md_take_goals(md_player *p, md_goals *g, const char *line);
 /* As md_step, for goals where they are taken. */
-const float *md_step_towards(md_player *p, md_goals *g);
+const md_number *md_step_towards(md_player *p, md_goals *g);
 /* Carries out what md_command does, besides: goals SECONDS, off and on. While goals are taken no motion is played. */
 int md_command_among(md_player *p, md_goals *g, const char *line, char *reply, int size);
-/* Writes the answer, of MD_LINE letters at most: the angles of the joints, NaN for one that is not known, and an alert of each
+/* Writes the answer, of MD_LINE letters at most: the angles of the joints, MD_UNKNOWN for one that is not, and an alert of each
    (or NULL). */
-void md_answer(md_player *p, md_goals *g, const float *angles, const uint8_t *alerts, char *line);
+void md_answer(md_player *p, md_goals *g, const md_number *angles, const uint8_t *alerts, char *line);
 
 #ifdef __cplusplus
 }

@@ -40,12 +40,14 @@ static int32_t prepared(const md_servo &servo) {
   return (int32_t)((uint32_t)data[0] | (uint32_t)data[1] << 8 | (uint32_t)data[2] << 16 | (uint32_t)data[3] << 24);
 }
 
-static float angle_of(const md_servo &servo, int32_t position) { return (float)(position - servo.zero) / servo.per_radian; }
+static md_number angle_of(const md_servo &servo, int32_t position) {
+  return MD((float)(position - servo.zero) / servo.per_radian);
+}
 
-static void set_goals(const float *angles) {
+static void set_goals(const md_number *angles) {
   for (int number = 0; number < SERVOS; number++) {
     const md_servo &servo = servos[number];
-    pulses[number] = servo.zero + (int32_t)lroundf(angles[servo.joint] * servo.per_radian);
+    pulses[number] = servo.zero + (int32_t)lroundf(MD_FLOAT(angles[servo.joint]) * servo.per_radian);
   }
   all_goals.is_info_changed = true;
   bus.syncWrite(&all_goals);
@@ -53,10 +55,10 @@ static void set_goals(const float *angles) {
 
 // Tells the computer what the servos measure. One that is silent ends the reading for those after it; the next begins there.
 static void tell_measured() {
-  float angles[FIGURE_JOINTS];
+  md_number angles[FIGURE_JOINTS];
   uint8_t alerts[FIGURE_JOINTS] = {0};
   static int first;
-  for (int joint = 0; joint < FIGURE_JOINTS; joint++) angles[joint] = NAN;
+  for (int joint = 0; joint < FIGURE_JOINTS; joint++) angles[joint] = MD_UNKNOWN;
   for (int k = 0; k < SERVOS; k++) {
     int number = (first + k) % SERVOS;
     measured_of[k].id = servos[number].id;
@@ -77,7 +79,7 @@ static void tell_measured() {
 
 // Sets up the servos where they stand, and takes torque on.
 static void start() {
-  float angles[FIGURE_JOINTS] = {0};
+  md_number angles[FIGURE_JOINTS] = {0};
   for (int number = 0; number < SERVOS; number++) {
     const md_servo &servo = servos[number];
     pulses[number] = prepared(servo);
@@ -124,7 +126,7 @@ void loop() {
     if (!limp) start();
   }
   if (!md_tick_is_due(&due)) return;
-  const float *angles = md_step_towards(&player, &goals);
+  const md_number *angles = md_step_towards(&player, &goals);
   if (!limp) set_goals(angles);
   if (goals.asked) tell_measured();
 }

@@ -19,13 +19,13 @@ void setup() {
 void loop() {
   md_take_lines(&player, &goals, &line, &due);
   if (!md_tick_is_due(&due)) return;
-  const float *angles = md_step_towards(&player, &goals);
+  const md_number *angles = md_step_towards(&player, &goals);
   md_tell(&player, &goals, angles, NULL);
   if (goals.off) return;
   Serial.print("goals");
   for (int joint = 0; joint < FIGURE_JOINTS; joint++) {
     Serial.print(' ');
-    Serial.print((long)lroundf(1000.0f * angles[joint]));
+    Serial.print((long)lroundf(1000.0f * MD_FLOAT(angles[joint])));
   }
   Serial.println();
 }

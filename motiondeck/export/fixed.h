@@ -1,0 +1,190 @@
+/* The numbers of a player without floating point, as classes of C++: what player.c is compiled with where MD_FIXED is
+   defined. All are whole numbers of a small unit; those of 32 bits are saturated where they are multiplied or divided. */
+#ifndef MOTIONDECK_FIXED_H
+#define MOTIONDECK_FIXED_H
+#include <math.h>
+#include <stdint.h>
+
+/* A product wants no copies of itself on a small board. */
+#ifdef __GNUC__
+#define MD_CALLED __attribute__((noinline, unused)) static
+#define MD_FOLDED __attribute__((always_inline)) constexpr
+#else
+#define MD_CALLED static
+#define MD_FOLDED constexpr
+#endif
+
+MD_FOLDED int32_t md_saturated(int64_t x) { return x > INT32_MAX ? INT32_MAX : x < -INT32_MAX ? -INT32_MAX : (int32_t)x; }
+/* A constant in units of 1 / one; the compiler computes it. */
+MD_FOLDED int64_t md_units(double x, double one) { return (int64_t)(x * one + (x < 0.0 ? -0.5 : 0.5)); }
+
+/* a * b / 2^25, rounded. */
+MD_CALLED int32_t md_multiplied(int32_t a, int32_t b) {
+#ifdef __ARM_ARCH_6M__ /* has no product of 64 bits */
+  uint32_t low_a = (uint32_t)a & 0xFFFFu, low_b = (uint32_t)b & 0xFFFFu, low = low_a * low_b;
+  int32_t high_a = a >> 16, high_b = b >> 16, one = high_a * (int32_t)low_b, other = (int32_t)low_a * high_b;
+  uint32_t middle = (low >> 16) + ((uint32_t)one & 0xFFFFu) + ((uint32_t)other & 0xFFFFu);
+  int32_t high = high_a * high_b + (one >> 16) + (other >> 16) + (int32_t)(middle >> 16);
+  uint32_t rest = middle << 16 | (low & 0xFFFFu), bit = rest >> 24 & 1u;
+  if (high >= 1 << 24 || high < -(1 << 24)) return high < 0 ? -INT32_MAX : INT32_MAX;
+  uint32_t whole = (uint32_t)high << 7 | rest >> 25;
+  return whole == 0x7FFFFFFFu ? INT32_MAX : (int32_t)(whole + bit);
+#else
+  return md_saturated(((int64_t)a * b + (1 << 24)) >> 25);
+#endif
+}
+
+/* a * 2^25 / b, rounded towards 0. */
+MD_CALLED int32_t md_divided(int32_t a, int32_t b) {
+  uint32_t x = a < 0 ? 0u - (uint32_t)a : (uint32_t)a, y = b < 0 ? 0u - (uint32_t)b : (uint32_t)b;
+  uint32_t whole = y ? x / y : 64u, rest = y ? x - whole * y : 0u;
+  if (whole >= 64u) return (a < 0) == (b < 0) ? INT32_MAX : -INT32_MAX;
+  for (int bit = 0; bit < 25; bit++) {
+    rest <<= 1, whole <<= 1;
+    if (rest >= y) rest -= y, whole++;
+  }
+  return (a < 0) == (b < 0) ? (int32_t)whole : -(int32_t)whole;
+}
+
+/* The root, rounded down. */
+MD_CALLED uint32_t md_root(uint64_t x) {
+  uint64_t root = 0, bit = 1ull << 62;
+  while (bit > x) bit >>= 2;
+  for (; bit; bit >>= 2) {
+    if (x >= root + bit)
+      x -= root + bit, root = (root >> 1) + bit;
+    else
+      root >>= 1;
+  }
+  return (uint32_t)root;
+}
+
+/* x / y, rounded down, as far as it can be told. */
+MD_CALLED int32_t md_quotient(uint64_t x, uint32_t y) {
+  uint32_t high = (uint32_t)(x >> 32), low = (uint32_t)x;
+  if (high >= y >> 1) return INT32_MAX;
+  for (int bit = 0; bit < 32; bit++) {
+    high = high << 1 | low >> 31, low <<= 1;
+    if (high >= y) high -= y, low++;
+  }
+  return (int32_t)low;
+}
+
+/* Angles, shares, tempos, short times: -64 to 64, in units of 2^-25. */
+struct md_real {
+  int32_t raw;
+  md_real() = default;
+  MD_FOLDED md_real(double x) : raw(x >= 64.0 ? INT32_MAX : x <= -64.0 ? -INT32_MAX : (int32_t)md_units(x, 33554432.0)) {}
+  MD_FOLDED md_real(float x) : md_real((double)x) {}
+  constexpr md_real(int n) : raw(n >= 64 ? INT32_MAX : n <= -64 ? -INT32_MAX : n * 33554432) {}
+  static constexpr md_real of(int32_t raw) {
+    md_real x(0);
+    x.raw = raw;
+    return x;
+  }
+  md_real &operator+=(md_real b) { return *this = *this + b; }
+  md_real &operator-=(md_real b) { return *this = *this - b; }
+  md_real &operator*=(md_real b) { return *this = *this * b; }
+  friend md_real operator-(md_real a) { return of(-a.raw); }
+  friend md_real operator+(md_real a, md_real b) { return of((int32_t)((uint32_t)a.raw + (uint32_t)b.raw)); }
+  friend md_real operator-(md_real a, md_real b) { return of((int32_t)((uint32_t)a.raw - (uint32_t)b.raw)); }
+  friend md_real operator*(md_real a, md_real b) { return of(md_multiplied(a.raw, b.raw)); }
+  friend md_real operator/(md_real a, md_real b) { return of(md_divided(a.raw, b.raw)); }
+  friend bool operator==(md_real a, md_real b) { return a.raw == b.raw; }
+  friend bool operator!=(md_real a, md_real b) { return a.raw != b.raw; }
+  friend bool operator<(md_real a, md_real b) { return a.raw < b.raw; }
+  friend bool operator>(md_real a, md_real b) { return a.raw > b.raw; }
+  friend bool operator<=(md_real a, md_real b) { return a.raw <= b.raw; }
+  friend bool operator>=(md_real a, md_real b) { return a.raw >= b.raw; }
+};
+
+/* Squares and their sums: -8192 to 8192, in units of 2^-50. */
+struct md_wide {
+  int64_t raw;
+  md_wide() = default;
+  MD_FOLDED md_wide(float x) : raw(md_units((double)x, 1125899906842624.0)) {}
+  static md_wide of(int64_t raw) {
+    md_wide x;
+    x.raw = raw;
+    return x;
+  }
+  explicit operator md_real() const { return md_real::of(md_saturated((raw + (1 << 24)) >> 25)); }
+  md_wide &operator+=(md_wide b) { return *this = *this + b; }
+  friend md_wide operator+(md_wide a, md_wide b) { return of(a.raw + b.raw); }
+  friend bool operator<(md_wide a, md_wide b) { return a.raw < b.raw; }
+  friend bool operator>(md_wide a, md_wide b) { return a.raw > b.raw; }
+  friend bool operator<=(md_wide a, md_wide b) { return a.raw <= b.raw; }
+};
+
+/* Times into a motion, s, in units of 2^-30. */
+struct md_time {
+  int64_t raw;
+  md_time() = default;
+  MD_FOLDED md_time(float x) : raw(md_units((double)x, 1073741824.0)) {}
+  md_time(md_real x) : raw((int64_t)x.raw * 32) {}
+  static md_time of(int64_t raw) {
+    md_time x;
+    x.raw = raw;
+    return x;
+  }
+  explicit operator md_real() const { return md_real::of(md_saturated((raw + 16) >> 5)); }
+  md_time &operator+=(md_time b) { return *this = *this + b; }
+  md_time &operator-=(md_time b) { return *this = *this - b; }
+  friend md_time operator-(md_time a) { return of(-a.raw); }
+  friend md_time operator+(md_time a, md_time b) { return of(a.raw + b.raw); }
+  friend md_time operator-(md_time a, md_time b) { return of(a.raw - b.raw); }
+  friend bool operator<(md_time a, md_time b) { return a.raw < b.raw; }
+  friend bool operator>(md_time a, md_time b) { return a.raw > b.raw; }
+  friend bool operator<=(md_time a, md_time b) { return a.raw <= b.raw; }
+  friend bool operator>=(md_time a, md_time b) { return a.raw >= b.raw; }
+};
+
+MD_CALLED md_real sqrtf(md_real x) { return md_real::of((int32_t)md_root((uint64_t)x.raw << 25)); }
+static inline md_real sqrtf(md_wide x) { return md_real::of(md_saturated((int64_t)md_root((uint64_t)x.raw))); }
+static inline md_real fabsf(md_real x) { return x.raw < 0 ? -x : x; }
+static inline md_real floorf(md_real x) { return md_real::of((int32_t)((uint32_t)x.raw & 0xFE000000u)); }
+static inline md_real rintf(md_real x) { return floorf(x + md_real(0.5f)); }
+static inline md_real copysignf(md_real x, md_real sign) { return (x.raw < 0) == (sign.raw < 0) ? x : -x; }
+
+/* exp x, for |x| < 4 */
+static inline md_real exponential(md_real x) {
+  md_real y = x * (1.0f / 64.0f), power = 1.0f + y * (1.0f + y * (0.5f + y * (1.0f / 6.0f + y * (1.0f / 24.0f))));
+  for (int doubled = 0; doubled < 6; doubled++) power *= power;
+  return power;
+}
+
+static inline md_time least(md_time x, md_time y) { return y < x ? y : x; }
+static inline md_time bounded(md_time x, md_time low, md_time high) { return x < low ? low : x > high ? high : x; }
+MD_CALLED md_wide most(md_wide x, md_wide y) { return y > x ? y : x; }
+static inline md_wide product(md_real x, md_real y) { return md_wide::of((int64_t)x.raw * y.raw); }
+static inline md_real times(md_real x, int n) { return md_real::of((int32_t)((uint32_t)x.raw * (uint32_t)n)); }
+static inline md_real share_of(md_real x, int n) { return md_real::of(x.raw < 0 ? -(int32_t)((0u - (uint32_t)x.raw) / (uint32_t)n) : (int32_t)((uint32_t)x.raw / (uint32_t)n)); }
+static inline int whole(md_real x) { return x.raw >> 25; }
+static inline md_real times_key(md_real weight, int16_t key) { /* weights are times 2^15 */
+  return md_real::of(2 * key * (weight.raw >> 16) + ((key * (int32_t)(weight.raw & 0xFFFF)) >> 15));
+}
+/* Whole numbers near x and x * n, and k / n; none is negative. */
+static inline int nearest(md_real x) { return (int)(((uint32_t)x.raw + (1u << 24)) >> 25); }
+static inline int nearest_times(md_real x, int n) { /* what may be halfway is even, as a float's rounding has it */
+  int64_t twice = (int64_t)x.raw * n * 2 + (1 << 25), off = (twice & ((1 << 26) - 1)) - (n + 1);
+  int up = (int)(twice >> 26);
+  return off < 0 || off + 2 * (n + 1) >= 1 << 26 ? (off < 0 ? up & ~1 : (up + 1) & ~1) : up;
+}
+static inline md_real ratio(int k, int n) {
+  uint32_t first = ((uint32_t)k << 13) / (uint32_t)n, rest = ((uint32_t)k << 13) - first * (uint32_t)n;
+  return md_real::of((int32_t)(first << 12 | (rest << 12) / (uint32_t)n));
+}
+static inline md_time multiple(md_real x, int n) { return md_time::of((int64_t)x.raw * n * 32); }
+static inline md_time scaled(md_time x, md_real by) { return md_time::of((x.raw * by.raw + (1 << 24)) >> 25); }
+static inline int whole_ticks(md_real seconds, md_time tick) { return md_quotient((uint64_t)(uint32_t)seconds.raw << 5, (uint32_t)tick.raw); }
+/* How many times y goes into x, which may be negative, and the share of y that is left. */
+static inline int whole_times(md_time x, md_real y, md_real *share) {
+  int64_t one = (int64_t)y.raw * 32;
+  uint64_t size = (uint64_t)(x.raw < 0 ? -x.raw : x.raw) >> 5;
+  int n = md_quotient(size, (uint32_t)y.raw);
+  if (x.raw < 0) n = -n;
+  if (n * one > x.raw) n--;
+  *share = md_real::of((int32_t)((x.raw - n * one) >> 5)) / y;
+  return n;
+}
+#endif
