@@ -59,9 +59,22 @@ class Deck(DeckCommands[CommandedSwitch]):
     """
 
     __slots__ = (
-        "_commanded_run", "_curve", "_deck", "_measured", "_rate", "_robot", "_source", "_start", "_stop", "_targets",
-        "_ticks", "joints", "limits", "motions", "time",
-    )  # fmt: skip
+        "_commanded_run",
+        "_curve",
+        "_deck",
+        "_measured",
+        "_rate",
+        "_robot",
+        "_source",
+        "_start",
+        "_stop",
+        "_targets",
+        "_ticks",
+        "joints",
+        "limits",
+        "motions",
+        "time",
+    )
 
     def __init__(
         self,

@@ -114,12 +114,19 @@ def assemble(
     """A library of a trained network and of all that is known about it."""
     frames, every = training_set.frames, recipe.network.anchor_every
     info = LibraryInfo(
-        version=VERSION, name=recipe.name, network=kind_of(recipe.network), encoding=training_set.encoding.name,
-        rate=training_set.rate, seed=seed,
+        version=VERSION,
+        name=recipe.name,
+        network=kind_of(recipe.network),
+        encoding=training_set.encoding.name,
+        rate=training_set.rate,
+        seed=seed,
         motions=[describe_motion(one, frames[one.name], network, verdicts[one.name], every) for one in recipe.motions],
-        skeleton=training_set.encoding.skeleton_info(), recipe=msgspec.json.decode(msgspec.json.encode(recipe)),
-        licence=recipe.licence, acknowledgement=recipe.acknowledgement, **network.header_fields(),
-    )  # fmt: skip
+        skeleton=training_set.encoding.skeleton_info(),
+        recipe=msgspec.json.decode(msgspec.json.encode(recipe)),
+        licence=recipe.licence,
+        acknowledgement=recipe.acknowledgement,
+        **network.header_fields(),
+    )
     return judged(MotionLibrary(info, network, training_set.encoding), training_set.recorded)
 
 
@@ -152,10 +159,16 @@ def describe_motion(
     recalled = network.recall(motion.name)
     network.rest()
     return MotionInfo(
-        name=motion.name, plays=motion.plays, frames=len(frames), source=motion.file,
-        nrmse=nrmse(recalled, frames[::anchor_every]), error_mm=verdict.error_mm, passed=verdict.passed,
-        reason=verdict.reason, input=network.driving(motion.name),
-    )  # fmt: skip
+        name=motion.name,
+        plays=motion.plays,
+        frames=len(frames),
+        source=motion.file,
+        nrmse=nrmse(recalled, frames[::anchor_every]),
+        error_mm=verdict.error_mm,
+        passed=verdict.passed,
+        reason=verdict.reason,
+        input=network.driving(motion.name),
+    )
 
 
 def judge_against(library: MotionLibrary, path: Path, file: Path) -> list[MotionInfo]:

@@ -182,10 +182,17 @@ def _row(one: AnalysedRecording, training_set: TrainingSet, library: MotionLibra
     if part.seam_mm is None:
         part = replace(part, seam_mm=one.take.seam_mm, seam_degrees=one.take.seam_degrees)
     return LearnedMotion(
-        name=info.name, file=Path(one.motion.file), plays=info.plays, seconds=part.end - part.first, part=part,
-        info=info, passed=info.passed, remedy="" if info.passed else f"{info.reason}. {_remedy(one, info)}",
-        doubts=one.take.doubts, decisions=one.take.decisions,
-    )  # fmt: skip
+        name=info.name,
+        file=Path(one.motion.file),
+        plays=info.plays,
+        seconds=part.end - part.first,
+        part=part,
+        info=info,
+        passed=info.passed,
+        remedy="" if info.passed else f"{info.reason}. {_remedy(one, info)}",
+        doubts=one.take.doubts,
+        decisions=one.take.decisions,
+    )
 
 
 def _remedy(one: AnalysedRecording, info: MotionInfo) -> str:

@@ -67,12 +67,18 @@ def analyse_recording(
     found = decided(recording, file, within, plays, whole=whole)
     release()
     motion = MotionRecipe(
-        name=name, file=str(file.absolute()), skeleton=None if own.skeleton is None else str(own.skeleton.absolute()),
-        unit=own.unit, up=own.up, rename=dict(own.rename), person=own.person,
+        name=name,
+        file=str(file.absolute()),
+        skeleton=None if own.skeleton is None else str(own.skeleton.absolute()),
+        unit=own.unit,
+        up=own.up,
+        rename=dict(own.rename),
+        person=own.person,
         rate=_to_repeat("rate", options.rate, found[0].decisions),
-        ground=_to_repeat("ground", options.ground, found[0].decisions), upper_body=RESTS in found[0].decisions,
+        ground=_to_repeat("ground", options.ground, found[0].decisions),
+        upper_body=RESTS in found[0].decisions,
         takes=tuple(str(take.absolute()) for take in takes),
-    )  # fmt: skip
+    )
     analysed: list[AnalysedRecording] = []
     for number, take in enumerate(found, 1):
         own = numbered(name, number) if len(found) > 1 else name

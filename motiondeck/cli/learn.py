@@ -198,10 +198,16 @@ def _learn_recordings(options: LearnOptions, out: Path, reading: ReadingOptions,
     return_freed_arrays()
     with progress("", 2 * len(files) + 2) as tick:  # more where one holds more motions
         learned = learning.learn(
-            files, out.stem, options=reading, progress=tick, jobs=jobs, accept=options.accept or [],
-            plays=options.plays or ("once" if options.physical else None), whole=options.whole or options.physical,
+            files,
+            out.stem,
+            options=reading,
+            progress=tick,
+            jobs=jobs,
+            accept=options.accept or [],
+            plays=options.plays or ("once" if options.physical else None),
+            whole=options.whole or options.physical,
             tolerance_mm=options.tolerance,
-        )  # fmt: skip
+        )
     save_library(learned.library, out)
     recipe = _recipe_beside(out)
     write_file(recipe, recipe_text(learned.recipe, recipe.parent).encode())

@@ -181,10 +181,16 @@ def add(
     options = reading.options()
     name = name or typeable(clip.stem)
     plan = MotionRecipe(
-        name=name, file=str(clip), plays="once" if once else "loop", frames=frames,
-        skeleton=None if options.skeleton is None else str(options.skeleton), unit=options.unit, up=reading.up,
-        rename=dict(options.rename), person=options.person,
-    )  # fmt: skip
+        name=name,
+        file=str(clip),
+        plays="once" if once else "loop",
+        frames=frames,
+        skeleton=None if options.skeleton is None else str(options.skeleton),
+        unit=options.unit,
+        up=reading.up,
+        rename=dict(options.rename),
+        person=options.person,
+    )
     found = add_motion(load_library(path), path, read_clip(clip, options), plan)
     if not as_json:
         print_table(found.library)

@@ -78,11 +78,16 @@ def preflight(
     ok = all(verdict.ok for verdict in (*motions, *switches))
     errors = {name: msgspec.to_builtins(motion.against_recording) for name, motion in learned.items()}
     report = {
-        "library": played.info.name, "robot": judged.robot.stem, "root": root, "balance": balance, "walk": walk,
-        "tempo": tempo, "ok": ok,
+        "library": played.info.name,
+        "robot": judged.robot.stem,
+        "root": root,
+        "balance": balance,
+        "walk": walk,
+        "tempo": tempo,
+        "ok": ok,
         "motions": [verdict.row() | {"against_recording": errors[verdict.name]} for verdict in motions],
         "switches": [verdict.row() for verdict in switches],
-    }  # fmt: skip
+    }
     if as_json:
         print(json.dumps(report, allow_nan=False))
     else:

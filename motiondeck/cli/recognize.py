@@ -148,11 +148,16 @@ def _streamed(recognizer: Recognizer, clip: Any) -> dict[str, Any]:
 def describe(recognizer: Recognizer) -> dict[str, Any]:
     """The facts of a recognizer, for scripts."""
     return {
-        "motions": list(recognizer.bank.classes), "clips": recognizer.clips, "neurons": recognizer.bank.recipe.neurons,
-        "groups": recognizer.bank.recipe.groups, "leak": recognizer.bank.recipe.leak,
-        "channels": recognizer.bank.readouts.shape[2], "joints": list(recognizer.recipe.joints),
-        "rate_hz": recognizer.recipe.rate, "threshold": recognizer.threshold,
-    }  # fmt: skip
+        "motions": list(recognizer.bank.classes),
+        "clips": recognizer.clips,
+        "neurons": recognizer.bank.recipe.neurons,
+        "groups": recognizer.bank.recipe.groups,
+        "leak": recognizer.bank.recipe.leak,
+        "channels": recognizer.bank.readouts.shape[2],
+        "joints": list(recognizer.recipe.joints),
+        "rate_hz": recognizer.recipe.rate,
+        "threshold": recognizer.threshold,
+    }
 
 
 def read(data: Path) -> Dataset:

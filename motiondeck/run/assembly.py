@@ -200,13 +200,33 @@ def _assemble(opening: ExitStack, stop: StopRequest, spec: RunSpec, played: Play
     if wired is not None:
         stops.append(watch_wire(wired, handler))
     session = Session(
-        spec=spec, source=played.name, stop=stop, robots=robots, deck=deck, channels=channels, clock=clock,
-        envelope=safety_envelope(all_limits([robot.limits for robot in robots]), clock.period), snapshots=snapshots,
-        handler=handler, news=RunNews(handler, clock, channels, servers, seen), measured=measured, children=children,
-        command_port=port, page_port=page.port if page is not None else None, stops=stops, guarded=bool(guarded),
-        page=shown, recorder=recorder, watch=watch, lead=lead, correction=correction, timeline=list(played.timeline),
-        verdicts=played.verdicts, progress=host.progress, prompt=host.terminal,
-    )  # fmt: skip
+        spec=spec,
+        source=played.name,
+        stop=stop,
+        robots=robots,
+        deck=deck,
+        channels=channels,
+        clock=clock,
+        envelope=safety_envelope(all_limits([robot.limits for robot in robots]), clock.period),
+        snapshots=snapshots,
+        handler=handler,
+        news=RunNews(handler, clock, channels, servers, seen),
+        measured=measured,
+        children=children,
+        command_port=port,
+        page_port=page.port if page is not None else None,
+        stops=stops,
+        guarded=bool(guarded),
+        page=shown,
+        recorder=recorder,
+        watch=watch,
+        lead=lead,
+        correction=correction,
+        timeline=list(played.timeline),
+        verdicts=played.verdicts,
+        progress=host.progress,
+        prompt=host.terminal,
+    )
     if host.terminal:
         children.restore_tty = opening.enter_context(kept_tty())
         prompt = child_process("motiondeck.run.terminal", str(port))
@@ -263,9 +283,15 @@ def _recorder(
     from motiondeck.run.beside.tick_recorder import recording
 
     description = {
-        "library": played.name, "robot": robot.name,
-        "rig": str(find_rig(spec.rig_named).resolve()) if spec.robot is None else "", "joints": list(robot.own_joints),
-        "motions": list(deck.motions), "recognizable": list(watch.names) if watch is not None else [],
-        "rate": spec.rate, "root": simulation.root, "balance": simulation.balance, "walk": simulation.walk,
-    }  # fmt: skip
+        "library": played.name,
+        "robot": robot.name,
+        "rig": str(find_rig(spec.rig_named).resolve()) if spec.robot is None else "",
+        "joints": list(robot.own_joints),
+        "motions": list(deck.motions),
+        "recognizable": list(watch.names) if watch is not None else [],
+        "rate": spec.rate,
+        "root": simulation.root,
+        "balance": simulation.balance,
+        "walk": simulation.walk,
+    }
     return opening.enter_context(recording(Path(spec.record), description, spec.rate))

@@ -105,13 +105,20 @@ class Session:
             if self.progress:
                 shown.enter_context(progress_line(self.deck, self.stop, spec.seconds, prompt=self.prompt))
             report = run(
-                self.deck, self.channels, self.clock, self.envelope,
+                self.deck,
+                self.channels,
+                self.clock,
+                self.envelope,
                 seconds=spec.seconds if spec.seconds is not None else float("inf"),
                 rest=np.concatenate(rests) if len(rests) == len(self.robots) else None,
-                commands=self._carry_out_commands, stops=self.stops, publish=self._publish,
-                publish_every=1 if self.recorder or self.watch else self._ticks_a_picture, stop=self.stop,
-                lead=self.lead, correction=self.correction,
-            )  # fmt: skip
+                commands=self._carry_out_commands,
+                stops=self.stops,
+                publish=self._publish,
+                publish_every=1 if self.recorder or self.watch else self._ticks_a_picture,
+                stop=self.stop,
+                lead=self.lead,
+                correction=self.correction,
+            )
         self.handler.notify("ended", report.reason)
         # The joints first: what else is closed may take its time.
         for channel in self.channels:

@@ -104,10 +104,14 @@ class Link:
 
         # Without consolidation an answer comes when it arrives, not when all have answered.
         self._session.get(
-            self._root + keys, replied, consolidation=self._zenoh.ConsolidationMode.NONE,
-            target=self._zenoh.QueryTarget.ALL, timeout=patience, priority=self._zenoh.Priority.REAL_TIME,
+            self._root + keys,
+            replied,
+            consolidation=self._zenoh.ConsolidationMode.NONE,
+            target=self._zenoh.QueryTarget.ALL,
+            timeout=patience,
+            priority=self._zenoh.Priority.REAL_TIME,
             express=True,
-        )  # fmt: skip
+        )
 
     def close(self) -> None:
         """Ends the link; may be called twice."""

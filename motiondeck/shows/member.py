@@ -275,11 +275,19 @@ class Member:
         if clock.known and self._asked >= _FIRST and not self._lost:
             known = messages.ClockHealth(1e3 * clock.uncertainty(now), 1e6 * clock.drift, clock.offset(now))
         health = messages.DeckHealth(
-            run=self._done[0], cue=self._done[1], motion=state.motion, mode=state.mode, phase=state.phase,
-            paused=state.paused, switching=state.switching, lock=str(state.lock) if state.lock is not None else "",
-            clock=known, problem=self._problem, problems=self._problems,
+            run=self._done[0],
+            cue=self._done[1],
+            motion=state.motion,
+            mode=state.mode,
+            phase=state.phase,
+            paused=state.paused,
+            switching=state.switching,
+            lock=str(state.lock) if state.lock is not None else "",
+            clock=known,
+            problem=self._problem,
+            problems=self._problems,
             stops=[stop for stop in self._stops.latest if stop not in self._stopping.values()],
-        )  # fmt: skip
+        )
         self._link.publish(f"health/{self._name}", messages.encode(health))
 
     def _note_problem(self, problem: str) -> None:

@@ -111,10 +111,20 @@ def loads_of(
     moved = np.hypot(*np.moveaxis(np.diff(places, axis=0), 2, 0)) / DT
     slide[1:] = np.where(touches[1:] & touches[:-1], moved, 0.0).max(axis=1, initial=0.0)
     return Loads(
-        velocity=qvel[:, dof], gravity=gravity, damping=(model.dof_damping * qvel)[:, dof], inertia=inertia,
-        friction=np.broadcast_to(model.dof_frictionloss[dof], (count, len(dof))), collision=depth, colliding=worst[0],
-        lowest=lowest, slide=slide, support=tuple(support), lies=lies, com=com, com_velocity=_rate(com[:, :2]),
-    )  # fmt: skip
+        velocity=qvel[:, dof],
+        gravity=gravity,
+        damping=(model.dof_damping * qvel)[:, dof],
+        inertia=inertia,
+        friction=np.broadcast_to(model.dof_frictionloss[dof], (count, len(dof))),
+        collision=depth,
+        colliding=worst[0],
+        lowest=lowest,
+        slide=slide,
+        support=tuple(support),
+        lies=lies,
+        com=com,
+        com_velocity=_rate(com[:, :2]),
+    )
 
 
 def _motion(robot: Robot, played: PlayedMotion) -> tuple[Array, Array, Array]:

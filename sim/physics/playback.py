@@ -288,11 +288,16 @@ class PhysicsPlayback:
         """Tracking errors of the servos, falls and steps."""
         samples = max(self._writes, 1) * len(self._measured)
         said: dict[str, object] = {
-            "kind": "physics", "robot": self._robot.name, "root": self._root, "joints": len(self._measured),
-            "writes": self._writes, "timestep_s": self.model.opt.timestep,
-            "tracking_rmse_rad": float(np.sqrt(self._square_sum / samples)), "tracking_worst_rad": self._worst,
+            "kind": "physics",
+            "robot": self._robot.name,
+            "root": self._root,
+            "joints": len(self._measured),
+            "writes": self._writes,
+            "timestep_s": self.model.opt.timestep,
+            "tracking_rmse_rad": float(np.sqrt(self._square_sum / samples)),
+            "tracking_worst_rad": self._worst,
             "faults": self._faults,
-        }  # fmt: skip
+        }
         if self._root == "free":
             said |= {"balance": self._balance is not None, "fell_s": self.fell_s}
             said["feedback"] = self._follower is not None

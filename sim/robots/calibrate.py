@@ -198,15 +198,26 @@ def calibrate(path: Path, packages: Mapping[str, Path] | None = None, bends: Col
     unsure += undriven_limbs(model, found.parts, segments, undriven)
     unsure += limb_doubts(found.parts, segments, LimbDirections(model, found.parts, found.root_rotation))
     return Calibration(
-        name=path.stem, model=path.resolve(), parts=found.parts, root_rotation=found.root_rotation,
-        root_height=round(height, 4), joints=layout.joints, rest=rest,
-        unlimited=tuple(name for name, has in zip(layout.joints, limited, strict=True) if not has), speeds=speeds,
-        unplayed=tuple(name for name in unplayed if name not in coupled), undriven=undriven,
+        name=path.stem,
+        model=path.resolve(),
+        parts=found.parts,
+        root_rotation=found.root_rotation,
+        root_height=round(height, 4),
+        joints=layout.joints,
+        rest=rest,
+        unlimited=tuple(name for name, has in zip(layout.joints, limited, strict=True) if not has),
+        speeds=speeds,
+        unplayed=tuple(name for name in unplayed if name not in coupled),
+        undriven=undriven,
         open_chains=int(np.isin(model.eq_type[model.eq_active0 != 0], _CLOSING).sum()),
-        angles={} if upper_body else fitting_angles(limbs, layout.joints, rest, lower, upper), missed=missed,
-        packages=dict(packages or {}), mended=bool(spec.compiler.balanceinertia), segments=tuple(segments),
-        doubts=tuple(unsure), rivals=found.rivals,
-    )  # fmt: skip
+        angles={} if upper_body else fitting_angles(limbs, layout.joints, rest, lower, upper),
+        missed=missed,
+        packages=dict(packages or {}),
+        mended=bool(spec.compiler.balanceinertia),
+        segments=tuple(segments),
+        doubts=tuple(unsure),
+        rivals=found.rivals,
+    )
 
 
 def standing_human() -> Array:

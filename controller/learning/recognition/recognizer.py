@@ -159,9 +159,15 @@ def save_recognizer(recognizer: Recognizer, path: Path, licence: str = "") -> No
     """Writes a recognizer atomically; FileFormatError if the folder cannot be written."""
     bank = recognizer.bank
     info = RecognizerInfo(
-        version=VERSION, classes=list(bank.classes), features=recognizer.recipe, experts=bank.recipe,
-        threshold=recognizer.threshold, clips=recognizer.clips, sources=list(recognizer.sources), licence=licence,
-    )  # fmt: skip
+        version=VERSION,
+        classes=list(bank.classes),
+        features=recognizer.recipe,
+        experts=bank.recipe,
+        threshold=recognizer.threshold,
+        clips=recognizer.clips,
+        sources=list(recognizer.sources),
+        licence=licence,
+    )
     arrays: dict[str, Array] = {name: getattr(bank.reservoir, name) for name in ("weights", "input_weights", "bias")}
     arrays |= {name: np.array([getattr(of, name) for of in bank.moments]) for name in ("xx", "xy", "yy", "count")}
     if recognizer.models is not None:

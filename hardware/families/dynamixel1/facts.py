@@ -10,10 +10,15 @@ from hardware.families.table import ControlTable, parse_table
 
 _BAUD_RATES = {207: 9600, 34: 57600, 16: 115200, 1: 1_000_000, 0: 2_000_000}
 _AX = Series(
-    "AX", FAMILY, baud_rates=MappingProxyType(_BAUD_RATES), baud_base=2e6,
-    problems=MappingProxyType({bit: bit for bit in (VOLTAGE, HEAT, OVERLOAD)}), bulk_reads=False, reboots=False,
+    "AX",
+    FAMILY,
+    baud_rates=MappingProxyType(_BAUD_RATES),
+    baud_base=2e6,
+    problems=MappingProxyType({bit: bit for bit in (VOLTAGE, HEAT, OVERLOAD)}),
+    bulk_reads=False,
+    reboots=False,
     shuts_down_by="torque_limit",
-)  # fmt: skip
+)
 _MX_RATES = MappingProxyType(_BAUD_RATES | {252: 3_000_000})
 _SERIES = (_AX, replace(_AX, name="RX"), replace(_AX, name="MX1", baud_rates=_MX_RATES, bulk_reads=True, reboots=True))
 

@@ -39,9 +39,19 @@ def _group_read(blocks: Blocks, fast: bool) -> GroupRead:
 
 
 FAMILY = Family(
-    name="dynamixel1", spoken=" in Protocol 1.0", instructions=instructions.INSTRUCTIONS, parser=PlainParser,
-    as_status=as_status, status_length=status_length, trailer=trailer,
-    identification=Identification(number=0, firmware=2, length=4, by_ping=False, id=3), group_read=_group_read,
-    lines=lambda blocks: ((block,) for block in blocks), dialect="1.0", reboot=instructions.reboot, mirrors=True,
-    choice=("protocol_type", 1), mute_model="AX-12A",
-)  # fmt: skip
+    name="dynamixel1",
+    spoken=" in Protocol 1.0",
+    instructions=instructions.INSTRUCTIONS,
+    parser=PlainParser,
+    as_status=as_status,
+    status_length=status_length,
+    trailer=trailer,
+    identification=Identification(number=0, firmware=2, length=4, by_ping=False, id=3),
+    group_read=_group_read,
+    lines=lambda blocks: ((block,) for block in blocks),
+    dialect="1.0",
+    reboot=instructions.reboot,
+    mirrors=True,
+    choice=("protocol_type", 1),
+    mute_model="AX-12A",
+)

@@ -140,11 +140,18 @@ def _plain_register(row: Row, torque: int, rpm: float) -> Register:
     unit, scale = ("", 1.0) if like is None else (like.unit, like.scale)
     scale = rpm if unit == "rpm" and rpm else scale
     return Register(
-        name=row.name, address=row.address, length=row.length, signed=signed,
+        name=row.name,
+        address=row.address,
+        length=row.length,
+        signed=signed,
         access="R" if row.name.startswith(_READ_ONLY) and row.name != "moving_threshold" else "RW",
-        memory="EEPROM" if row.address < torque else "RAM", minimum=-(1 << bits - 1) if signed else 0,
-        maximum=(1 << bits - (1 if signed else 0)) - 1, default=None, unit=unit, scale=scale,
-    )  # fmt: skip
+        memory="EEPROM" if row.address < torque else "RAM",
+        minimum=-(1 << bits - 1) if signed else 0,
+        maximum=(1 << bits - (1 if signed else 0)) - 1,
+        default=None,
+        unit=unit,
+        scale=scale,
+    )
 
 
 _COLUMNS = ("position_p_gain", "position_i_gain", "position_d_gain", "velocity_i_gain", "velocity_p_gain")

@@ -10,12 +10,22 @@ from hardware.families.family import Family, Identification
 from hardware.families.series import HEAT, OVERLOAD, VOLTAGE, Series
 
 FAMILY = Family(
-    name="dynamixel2", spoken="", instructions=frames.INSTRUCTIONS, parser=frames.Parser, as_status=frames.as_status,
-    status_length=status_length, trailer=frames.trailer,
-    identification=Identification(number=0, firmware=2, length=3, by_ping=True), group_read=group_read,
-    lines=lambda blocks: (blocks,), dialect="2.0", reboot=frames.reboot, stuffed=frames.STUFFED_PATTERN,
-    fast_reads=True, choice=("protocol_type", 2),
-)  # fmt: skip
+    name="dynamixel2",
+    spoken="",
+    instructions=frames.INSTRUCTIONS,
+    parser=frames.Parser,
+    as_status=frames.as_status,
+    status_length=status_length,
+    trailer=frames.trailer,
+    identification=Identification(number=0, firmware=2, length=3, by_ping=True),
+    group_read=group_read,
+    lines=lambda blocks: (blocks,),
+    dialect="2.0",
+    reboot=frames.reboot,
+    stuffed=frames.STUFFED_PATTERN,
+    fast_reads=True,
+    choice=("protocol_type", 2),
+)
 
 X = Series("X", FAMILY)
 _XL_320 = MappingProxyType({VOLTAGE: 4, HEAT: 2, OVERLOAD: 1})

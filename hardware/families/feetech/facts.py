@@ -12,11 +12,17 @@ from hardware.families.series import ENCODER, HEAT, OVERLOAD, VOLTAGE, Series
 from hardware.families.table import parse_table
 
 _STS = Series(
-    "STS", FAMILY,
+    "STS",
+    FAMILY,
     baud_rates=MappingProxyType(dict(enumerate((1_000_000, 500_000, 250_000, 128_000, 115200, 76800, 57600, 38400)))),
-    problems=MappingProxyType({VOLTAGE: 1, ENCODER: 2, HEAT: 4, OVERLOAD: 8 | 32}), reboots=False, modes=(3,),
-    current_limited=(), offset_subtracts=True, wraps=True, bits_needed=MappingProxyType({"phase": (4 | 16, 4)}),
-)  # fmt: skip
+    problems=MappingProxyType({VOLTAGE: 1, ENCODER: 2, HEAT: 4, OVERLOAD: 8 | 32}),
+    reboots=False,
+    modes=(3,),
+    current_limited=(),
+    offset_subtracts=True,
+    wraps=True,
+    bits_needed=MappingProxyType({"phase": (4 | 16, 4)}),
+)
 
 TRAITS = parse_traits(file_beside(__file__, "models.txt"), {_STS.name: _STS})  # by model name
 

@@ -56,8 +56,18 @@ def _whole(heads: NDArray[np.uint8], stride: int, received: bytes) -> WholeReply
 
 
 FAMILY = Family(
-    name="feetech", spoken=" as a Feetech servo", instructions=instructions.INSTRUCTIONS, parser=PlainParser,
-    as_status=as_status, status_length=status_length, trailer=trailer,
-    identification=Identification(number=3, firmware=0, length=6, by_ping=False, id=5), group_read=group_read,
-    lines=lines, dialect="1.0", mirrors=True, eeprom_lock="lock", answers_all=1,
-)  # fmt: skip
+    name="feetech",
+    spoken=" as a Feetech servo",
+    instructions=instructions.INSTRUCTIONS,
+    parser=PlainParser,
+    as_status=as_status,
+    status_length=status_length,
+    trailer=trailer,
+    identification=Identification(number=3, firmware=0, length=6, by_ping=False, id=5),
+    group_read=group_read,
+    lines=lines,
+    dialect="1.0",
+    mirrors=True,
+    eeprom_lock="lock",
+    answers_all=1,
+)

@@ -41,17 +41,26 @@ def facts(recording: FittedClip) -> dict[str, Any]:
     missing = [f"{side} {part}" for part in LIMBS for side in SIDES if parts.first(part, side) is None]
     decisions, doubtful = decided_of(recording)
     return {
-        "name": clip.name, "source": clip.source, "skeleton": clip.skeleton.name, "bones": len(clip.skeleton),
+        "name": clip.name,
+        "source": clip.source,
+        "skeleton": clip.skeleton.name,
+        "bones": len(clip.skeleton),
         "lacks": missing + ([] if parts.first("head") is not None else ["head"]),
-        "taken_for": recorded_parts(clip) if human else {}, "doubts": doubtful,
-        "decisions": [asdict(decision) for decision in decisions], "leg": clip.skeleton.leg_length,
-        "frames": len(clip), "rate": clip.rate, "duration": clip.duration, **dict(zip("xyz", extents, strict=True)),
+        "taken_for": recorded_parts(clip) if human else {},
+        "doubts": doubtful,
+        "decisions": [asdict(decision) for decision in decisions],
+        "leg": clip.skeleton.leg_length,
+        "frames": len(clip),
+        "rate": clip.rate,
+        "duration": clip.duration,
+        **dict(zip("xyz", extents, strict=True)),
         "root_height": [float(clip.root_position[:, 2].min()), float(clip.root_position[:, 2].max())],
-        "path": float(step.sum()), "median_speed": float(np.median(step) * clip.rate) if len(step) else 0.0,
+        "path": float(step.sum()),
+        "median_speed": float(np.median(step) * clip.rate) if len(step) else 0.0,
         "fastest_joint": ("root", *clip.skeleton.bones)[fastest],
         "fastest_speed": float(speed.max()) if len(clip) > 1 else 0.0,
         "gaps": None if recording.fit is None else gaps(recording.fit),
-    }  # fmt: skip
+    }
 
 
 def decided_of(recording: FittedClip) -> tuple[list[Decision], list[str]]:

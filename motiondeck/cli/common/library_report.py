@@ -23,11 +23,17 @@ def report(library: MotionLibrary) -> dict[str, object]:
     """The facts of a library, for scripts."""
     info = library.info
     return {
-        "name": info.name, "network": info.network, "neurons": library.network.neurons, "rate_hz": info.rate,
-        "seed": info.seed, "skeleton": info.skeleton.name, "bones": len(info.skeleton.bones),
-        "motions": [msgspec.to_builtins(motion) for motion in info.motions], "licence": info.licence,
+        "name": info.name,
+        "network": info.network,
+        "neurons": library.network.neurons,
+        "rate_hz": info.rate,
+        "seed": info.seed,
+        "skeleton": info.skeleton.name,
+        "bones": len(info.skeleton.bones),
+        "motions": [msgspec.to_builtins(motion) for motion in info.motions],
+        "licence": info.licence,
         "acknowledgement": info.acknowledgement,
-    }  # fmt: skip
+    }
 
 
 def print_table(library: MotionLibrary) -> None:

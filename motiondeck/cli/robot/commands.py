@@ -79,10 +79,15 @@ def show(robot: RobotArgument, as_json: JsonOption = False) -> None:
         {"name": name} | {key: float(own[k]) for key, own in figures.items()} for k, name in enumerate(loaded.joints)
     ]
     report = {
-        "name": file.name, "kind": file.kind, "solver": file.solver, "model": file.model,
-        "mass_kg": float(loaded.model.body_mass.sum()), "root_height_m": file.root_height, "parts": file.parts,
+        "name": file.name,
+        "kind": file.kind,
+        "solver": file.solver,
+        "model": file.model,
+        "mass_kg": float(loaded.model.body_mass.sum()),
+        "root_height_m": file.root_height,
+        "parts": file.parts,
         "joints": joints,
-    }  # fmt: skip
+    }
     if as_json:
         print(json.dumps(report))
         return

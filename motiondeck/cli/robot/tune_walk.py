@@ -48,10 +48,17 @@ def tune(file: Path, library: str, motions: list[str], seconds: float, rounds: i
         tuned = tune_walk(robot.walk, walks, seconds * len(courses), rounds, tick)
     write_file(file, with_walk_table(file.read_text(encoding="utf-8"), tuned.settings).encode())
     return {
-        "robot": robot.name, "file": str(file), "motions": motions, "seconds": seconds, "push_ns": impulse,
-        "walk": msgspec.structs.asdict(tuned.settings), "edge": tuned.edge,
-        "margin": 1.0 - EDGE if tuned.edge > 0.0 else 0.0, "walked_m": list(tuned.walked), "stood": tuned.stood,
-    }  # fmt: skip
+        "robot": robot.name,
+        "file": str(file),
+        "motions": motions,
+        "seconds": seconds,
+        "push_ns": impulse,
+        "walk": msgspec.structs.asdict(tuned.settings),
+        "edge": tuned.edge,
+        "margin": 1.0 - EDGE if tuned.edge > 0.0 else 0.0,
+        "walked_m": list(tuned.walked),
+        "stood": tuned.stood,
+    }
 
 
 @lru_cache(maxsize=1)

@@ -154,13 +154,18 @@ class RigOutput:
         rig, report = self.rig, self.rig.report
         known = rig.states.temperatures[np.isfinite(rig.states.temperatures)]
         return {
-            "kind": "servos", "joints": len(rig.names), "hz": self._hz, "write_us": report.write_us,
+            "kind": "servos",
+            "joints": len(rig.names),
+            "hz": self._hz,
+            "write_us": report.write_us,
             "read_us": report.read_us,
             "tracking_rmse_rad": (self._squares / self._samples) ** 0.5 if self._samples else None,
-            "recoveries": report.recoveries, "incidents": self.incidents,
-            "hottest_degc": float(known.max()) if len(known) else None, "faults": report.faults,
+            "recoveries": report.recoveries,
+            "incidents": self.incidents,
+            "hottest_degc": float(known.max()) if len(known) else None,
+            "faults": report.faults,
             "faults_by_joint": report.by_joint,
-        }  # fmt: skip
+        }
 
     def close(self) -> None:
         """Ends the rig as its file says, and names the joints that did not confirm it; may be called twice."""
