@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from controller.loop.clock import period_ns
 from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.faults import FaultPlan
-from hardware.emulator.pty_server import Wire
+from hardware.emulator.pty_server import SimulatedPort
 from hardware.errors import SerialPortError
 
 
@@ -42,50 +42,30 @@ class VirtualClock:
         return 0
 
 
-class EmulatedPort:
-    """Fits `hardware.bus.port.Port`; time passes only in `wait` and `elapse`."""
-
-    name = "emulated"
+class EmulatedPort(SimulatedPort):
+    """Keeps what was sent, and can be unplugged."""
 
     def __init__(self, bus: EmulatedBus, paced: bool = False, faults: FaultPlan | None = None) -> None:
-        self.bus = bus  # what is behind the port
-        self.wire = Wire(bus, faults, paced)  # what is between
+        super().__init__(bus, paced, faults)
         self.sent: list[bytes] = []  # every byte string that was sent, in order
-        self._now = 0.0
 
     def send(self, data: bytes) -> bool:
         """Hands the bytes to the wire."""
         self._check()
         self.sent.append(data)
-        self.wire.send(data, self._now)
-        return True
+        return super().send(data)
 
     def receive(self, likely: bool = False) -> bytes:
         """What the servos have answered since the last call."""
         self._check()
-        return self.wire.receive(self._now)
+        return super().receive(likely)
 
     def wait(self, seconds: float) -> bool:
         """Lets time pass until there is something to receive, at most `seconds`; whether there is."""
         self._check()
-        due = self.wire.due
-        if due is None or due > self._now:
-            self.elapse(max(0.0, seconds if due is None else min(seconds, due - self._now)))
+        ready = super().wait(seconds)
         self._check()
-        due = self.wire.due
-        return due is not None and due <= self._now
-
-    def now(self) -> float:
-        """The simulated time, s."""
-        return self._now
-
-    def close(self) -> None:
-        """Does nothing."""
-
-    def elapse(self, seconds: float) -> None:
-        """Lets time pass on a silent bus."""
-        self._now += seconds
-        self.wire.advance(self._now)
+        return ready
 
     def unplug(self) -> None:
         """From now on every call fails, as after pulling the adapter."""

@@ -11,8 +11,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from controller.motion.quintic import rise
+from hardware.bus.servo_bus import Bus
+from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.process import start_emulator
-from hardware.emulator.simulated_rig import SimulatedRig
+from hardware.emulator.pty_server import SimulatedPort
 from hardware.errors import RigError, still_on
 from hardware.rig.rig_file import RigConfig, load_rig
 from hardware.rig.scale import RigScale
@@ -38,8 +40,8 @@ class Rig:
     `watchdog_ms` the servos stop: write, read or `wait` at least that often.
     """
 
-    def __init__(self, connected: ConnectedRig | SimulatedRig) -> None:
-        self._rig = connected
+    def __init__(self, connected: ConnectedRig, simulated: Sequence[SimulatedPort] = ()) -> None:
+        self._rig, self._simulated = connected, simulated
         self.config: RigConfig = connected.config
         self.joints = connected.names
         self._scale = RigScale(self.config)
@@ -81,11 +83,13 @@ class Rig:
         if not 0.0 <= seconds < np.inf:
             raise RigError(f"wait: seconds must be >= 0, not {seconds:g}")
         rig = self._rig
-        if isinstance(rig, SimulatedRig):
+        if self._simulated:
             ticks = max(1, round(seconds * self.config.rate_hz))
             for _ in range(ticks):
-                rig.request_state()
-                rig.elapse(seconds / ticks)
+                rig.collect_state()
+                rig.write(self._goal)
+                for line in self._simulated:
+                    line.elapse(seconds / ticks)
             return
         now = time.monotonic()
         due = self._due = (self._due if now - self._due < seconds else now) + seconds
@@ -136,22 +140,25 @@ def open_rig(name: str | Path, servos: Servos = "real", ports: Sequence[str] = (
     Args:
         name: a shipped rig ("servo20"), or the path of a rig file (.toml).
         servos: "real" on a serial port, "emulated" on a pseudo-terminal with every byte of the protocol, or "simulated"
-            in this process without bytes or waiting, for tests and fast trials.
+            in this process without a port or waiting, for tests and fast trials.
         ports: in place of the rig file's own, for real servos.
     """
     if servos not in SERVOS:
         raise UnknownNameError.among("kind of servos", servos, SERVOS)
     file = find_rig(name)
     config = load_rig(file)
+    lines = dict[str, SimulatedPort]()
     with ExitStack() as opened:
         if servos == "simulated":
-            connected = SimulatedRig(config)
+            lines |= {part.port: SimulatedPort(EmulatedBus(part)) for part in config.parts}
+            buses = {name: Bus(line, config.baud) for name, line in lines.items()}
+            connected = ConnectedRig(config, lambda part: buses[part.port], beside=False, turns=lambda part: None)
         elif servos == "emulated":
             connected = ConnectedRig.connect(config, opened.enter_context(start_emulator(file)).ports, emulated=True)
         else:
             connected = ConnectedRig.connect(config, ports)
         try:
-            yield Rig(connected)
+            yield Rig(connected, tuple(lines.values()))
         except BaseException as error:
             if unconfirmed := connected.close():
                 error.add_note(still_on(unconfirmed))

@@ -86,6 +86,46 @@ class Wire:
         return 10.0 * len(data) / self.bus.baud
 
 
+class SimulatedPort:
+    """Fits `hardware.bus.port.Port`, with a bus behind it in this process; time passes only in `wait` and `elapse`."""
+
+    name = "emulated"
+
+    def __init__(self, bus: EmulatedBus, paced: bool = False, faults: FaultPlan | None = None) -> None:
+        self.bus = bus  # what is behind the port
+        self.wire = Wire(bus, faults, paced)  # what is between
+        self._now = 0.0
+
+    def send(self, data: bytes) -> bool:
+        """Hands the bytes to the wire."""
+        self.wire.send(data, self._now)
+        return True
+
+    def receive(self, likely: bool = False) -> bytes:
+        """What the servos have answered since the last call."""
+        return self.wire.receive(self._now)
+
+    def wait(self, seconds: float) -> bool:
+        """Lets time pass until there is something to receive, at most `seconds`; whether there is."""
+        due = self.wire.due
+        if due is None or due > self._now:
+            self.elapse(max(0.0, seconds if due is None else min(seconds, due - self._now)))
+        due = self.wire.due
+        return due is not None and due <= self._now
+
+    def now(self) -> float:
+        """The simulated time, s."""
+        return self._now
+
+    def close(self) -> None:
+        """Does nothing."""
+
+    def elapse(self, seconds: float) -> None:
+        """Lets time pass on a silent bus."""
+        self._now += seconds
+        self.wire.advance(self._now)
+
+
 _WAKE = 0.02
 _LONGEST_STEP = 0.1
 _TCGETS2 = 0x802C542A  # the terminal's settings with its speed as a plain number (Linux)

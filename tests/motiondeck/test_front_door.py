@@ -289,7 +289,7 @@ def test_an_emulated_rig_is_read_and_moved_over_its_wire():
 def test_joints_whose_torque_may_still_be_on_are_named_in_the_end():
     def drive(error=None):
         with motiondeck.open_rig("servo20", servos="simulated") as rig:
-            rig._rig.servos.devices[4].dead = True
+            rig._simulated[0].bus.devices[4].dead = True
             if error is not None:
                 raise error
 

@@ -6,7 +6,6 @@ import pytest
 from benchmarks.simulated_time import EmulatedPort
 from hardware.bus.servo_bus import Bus
 from hardware.emulator.bus import EmulatedBus
-from hardware.emulator.simulated_rig import SimulatedRig
 from hardware.families.models import MODELS, TRAITS
 from hardware.rig.rig_file import RigConfig, RigJoint
 from hardware.rig.supervision.rig import Rig
@@ -157,12 +156,6 @@ def test_a_weak_joint_that_pushes_below_its_limit_is_not_taken_for_idle():
     gripper.drive.jammed[0] = True
     assert gripper.play(rig, lambda t: 0.6, 3.0)[-1] == pytest.approx(0.22, abs=0.01)
     assert (rig.recoveries, list(rig.pace.strain.yielding)) == (0, [False])
-
-
-def test_a_simulated_rig_keeps_the_limit_too():
-    config = Gripper("XL330-M288").config
-    rig = SimulatedRig(config)
-    assert [rig.servos.devices[0][name] for name in ("operating_mode", "goal_current")] == [5, 220]
 
 
 @pytest.mark.parametrize("model", [model for model in TRAITS if model not in MEASURING])

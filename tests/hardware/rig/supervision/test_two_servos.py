@@ -11,7 +11,6 @@ from hardware.bus.servo_bus import Bus
 from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.faults import FaultPlan, parse_fault
 from hardware.emulator.handling import Handling
-from hardware.emulator.simulated_rig import SimulatedRig
 from hardware.errors import RigError
 from hardware.rig.rig_file import RigConfig, load_rig
 from hardware.rig.rig_joint import RigJoint, SecondServo
@@ -495,20 +494,6 @@ def test_hands_move_both_horns_of_an_emulated_joint():
     for tick in range(20):
         handling.move([arm.port.bus], 0.01 * tick)
     assert arm.angles == pytest.approx([0.7, 0.7], abs=0.001)
-
-
-def test_a_rig_in_this_process_drives_both():
-    arm = Arm()
-    rig = SimulatedRig(arm.config)
-    for _ in range(200):
-        rig.write(np.array([0.2, 0.9]))
-        rig.elapse(0.01)
-        rig.collect_state()
-    assert rig.positions == pytest.approx([0.2, 0.9], abs=0.02)
-    shafts = [float(device.bank.shaft[device.row]) for device in rig.servos.devices[1:]]
-    assert [servo.angle(shaft) for servo, shaft in zip(arm.config.joints[1].servos, shafts, strict=True)] == (
-        pytest.approx([0.9, 0.9], abs=0.02)
-    )
 
 
 ROW = 'id = 2, model = "XM540-W270", direction = 1, zero = 2048, lower = -1, upper = 1, velocity = 2'
