@@ -510,7 +510,7 @@ static void go_over_to(md_player *p, md_fade fade) {
 
 static void advance_fade(md_player *p) {
   md_fade fade = p->fade;
-  for (int most = p->entering == NONE ? (int)p->track.motion->searched : 0; most && !p->found; most--) weigh(p, &fade);
+  for (int most = p->entering == NONE ? ((int)p->track.motion->searched + 2) / 2 : 0; most && !p->found; most--) weigh(p, &fade);
   if (p->elapsed > 0.0f)
     go_over_to(p, fade);
   else

@@ -3,9 +3,9 @@
 The deck compares all places where a motion can be entered in one tick, and tries a fade in each `TRIAL_EVERY` seconds.
 A microcontroller has no time for that. So here, and in `player.c`, SEARCHED places are compared in a tick: one in
 COARSE of all, with the body as it was when the switch was due, then those about the best of them. Meanwhile what was
-played goes on; then the motion is entered as much further on, or blended in. After that, SEARCHED moments of the trials
-of the fade are weighed in a tick. Of a motion that is held as a network it is fewer: `searched`. A blend that is given
-up goes over to its motion where that is. All else is the deck's.
+played goes on; then the motion is entered as much further on, or blended in. After that, (SEARCHED + 2) / 2 moments
+of the trials of the fade are weighed in a tick. Of a motion that is held as a network it is fewer: `searched`. A blend
+that is given up goes over to its motion where that is. All else is the deck's.
 """
 
 from collections.abc import Mapping
@@ -27,7 +27,7 @@ CARRIED = 0.4531  # rounds to a number of anchors; the usual tempos do not come 
 
 
 class _Search(FadeSearch):
-    stalled, searched = False, SEARCHED
+    stalled, searched = False, 0
     _spare = 0
 
     def advance(self, dt: float) -> Fade:
@@ -53,7 +53,7 @@ class _Performance(Performance):
     def step(self, dt: float, tempo: float) -> bool:
         if isinstance(self._search, _Search):
             self._search.stalled = self.entering is not None
-            self._search.searched = self._searched(self.motion.name)
+            self._search.searched = (self._searched(self.motion.name) + 2) // 2
         completed = super().step(dt, tempo)
         if self.blend_problem and self.entering is not None:
             self._fall_back(max(weights := self.tracks.weights, key=weights.__getitem__))
