@@ -1,7 +1,8 @@
 """Makes the pictures of the page in these docs: plays the shipped library in a browser, and takes screenshots.
 
 Each scene is shown in three windows: page-NAME.webp (1366 x 768), page-NAME-large.webp (1920 x 1080) and
-page-NAME-phone.webp (390 x 844). A phone shows the operate view, where the scene is not of the inspect view alone.
+page-NAME-phone.webp (390 x 844); the operate view also in page-NAME-tablet.webp (1024 x 768). A phone shows the operate
+view, where the scene is not of the inspect view alone.
 
 .venv/bin/python docs/page_pictures.py [FOLDER [NAME...]]        # default: all, into docs/pictures
 """
@@ -29,7 +30,7 @@ from playwright.sync_api import sync_playwright
 
 from controller.library.motion_library import load_library
 from controller.wire.command_socket import CommandClient
-from controller.wire.messages.commands import Blend, EmergencyStop, Reset, Resume, SetTempo, Stop, Switch
+from controller.wire.messages.commands import Blend, EmergencyStop, Queue, Reset, Resume, SetTempo, Stop, Switch
 from motiondeck.run.sampled_motions import as_clip
 from motiondeck_base.shipped import find_library, find_rig
 
@@ -37,7 +38,8 @@ GRAPHICS = ["--no-sandbox", "--disable-gpu", "--enable-unsafe-swiftshader"]
 PATIENCE_MS = 180_000
 COMMAND_PORT = 47899
 COMMAND = [sys.executable, "-P", "-m", "motiondeck"]
-WINDOWS = {"": (1366, 768), "-large": (1920, 1080), "-phone": (390, 844)}
+WINDOWS = {"": (1366, 768), "-large": (1920, 1080), "-phone": (390, 844), "-tablet": (1024, 768)}
+THREE = ("", "-large", "-phone")
 Shots = Iterator[tuple[str, Any]]
 
 
@@ -87,14 +89,14 @@ class Setting:
     hands: Callable[[str], None]
     work: Path
 
-    def open(self, window: str, view: str = "inspect") -> Any:
+    def open(self, window: str, view: str = "inspect", scheme: str = "light") -> Any:
         """The page in a browser window of a size and in a view, when it shows what happens."""
         width, height = WINDOWS[window]
-        page = self.browser.new_page(viewport={"width": width, "height": height})
+        page = self.browser.new_page(viewport={"width": width, "height": height}, color_scheme=scheme)
         page.set_default_timeout(PATIENCE_MS)
         page.goto(f"{self.address}/?view={view}")
         if view == "operate":
-            page.locator(".operate .motion").last.wait_for()
+            page.locator(".operate .motion svg").first.wait_for(state="attached")
             return page
         page.locator("#state-line").wait_for()
         # The browser's own notice: it draws without a graphics card here.
@@ -106,7 +108,7 @@ class Setting:
         self, arrange: Callable[[Any], None] = lambda page: None, seconds: float = 3.0, on_phone: str = "operate"
     ) -> Shots:
         """The page in each window, one after the other, arranged if in inspect, then left alone for some seconds."""
-        for window in WINDOWS:
+        for window in THREE:
             view = on_phone if window == "-phone" else "inspect"
             page = self.open(window, view)
             if view == "inspect":
@@ -170,6 +172,28 @@ def drop(page: Any, file: Path) -> None:
 def _playing(setting: Setting) -> Shots:
     time.sleep(6.0)
     yield from setting.shots()
+
+
+def _operate(setting: Setting, scheme: str = "light") -> Shots:
+    send(Switch("walk"), Queue("jog"), Queue("waltz"), SetTempo(0.05))  # the queue stays as it is for long
+    for window in ("-phone", "-tablet", "-large"):
+        page = setting.open(window, "operate", scheme)
+        time.sleep(6.0)
+        yield window, page
+        page.close()
+    send(Switch("walk"), SetTempo(1.0))
+
+
+def _operate_dark(setting: Setting) -> Shots:
+    yield from _operate(setting, "dark")
+
+
+def _locked(setting: Setting) -> Shots:
+    page = setting.open("-phone", "operate")
+    page.get_by_role("button", name="Lock").click()
+    time.sleep(4.0)
+    yield "-phone", page
+    page.close()
 
 
 def _past(setting: Setting) -> Shots:
@@ -362,7 +386,7 @@ def _show(setting: Setting) -> Shots:
 
 
 def _ended(setting: Setting) -> Shots:
-    pages = {window: setting.open(window, "operate" if window == "-phone" else "inspect") for window in WINDOWS}
+    pages = {window: setting.open(window, "operate" if window == "-phone" else "inspect") for window in THREE}
     send(Stop())
     for window, page in pages.items():
         page.locator(".operate .word" if window == "-phone" else "#state-line").get_by_text("ENDED").wait_for()
@@ -371,6 +395,9 @@ def _ended(setting: Setting) -> Shots:
 
 SCENES: dict[str, Callable[[Setting], Shots]] = {
     "playing": _playing,
+    "operate": _operate,
+    "operate-dark": _operate_dark,
+    "locked": _locked,
     "past": _past,
     "network": _network,
     "plots": _plots,

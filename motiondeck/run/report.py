@@ -83,7 +83,7 @@ def progress_line(
 
 _AT_ONCE = 0.05  # s: a fall before this is reported as one at once
 _FEET = "; with --walk or --balance it can keep on its feet"
-_INCIDENTS_SHOWN = 10  # the latest
+_CAUSES_SHOWN = 10  # the latest
 _OFTEN = 0.02  # share of the ticks from which a joint that is held back is named
 _OVERRUNS_EVERY = 1.0  # s from one event on overruns to the next, which has all since
 _FAULTS_EVERY = 0.1  # s from one check for faults to the next
@@ -192,7 +192,7 @@ def _happened(report: dict[str, Any]) -> list[str]:
         lines.append(f"the network lost its motion and was restarted {report['restarts']} times")
     lines += [f"at {refused['at']:g} s refused: {refused['reason']}" for refused in report["refused"]]
     if "rig" in report:
-        lines += [f"rig: {incident}" for incident in report["rig"]["incidents"][-_INCIDENTS_SHOWN:]]
+        lines += [f"rig: {cause}" for cause in report["rig"]["causes"][-_CAUSES_SHOWN:]]
     for output in report["outputs"]:
         if output.get("fell_s") is not None:
             when = f"after {output['fell_s']:.1f} s" if output["fell_s"] >= _AT_ONCE else "at once"

@@ -114,7 +114,7 @@ class LearnPanel:
                 self._say(text)
                 self._play.visible = True
             case NotLearned(reason=reason):
-                self._say(reason.replace(f"{self._folder}/", ""), wrong=True)
+                self._say(reason.replace(f"{self._folder}/", "").replace(str(self._folder), "the page"), wrong=True)
 
     def _show_recording(self, seen: Seen, seconds: float, moving: tuple[float, float]) -> None:
         self._file = Path(seen.file)

@@ -162,6 +162,7 @@ class RigOutput:
             "tracking_rmse_rad": (self._squares / self._samples) ** 0.5 if self._samples else None,
             "recoveries": report.recoveries,
             "incidents": self.incidents,
+            "causes": [text for text, _ in self.explain(self.incidents)],
             "hottest_degc": float(known.max()) if len(known) else None,
             "faults": report.faults,
             "faults_by_joint": report.by_joint,

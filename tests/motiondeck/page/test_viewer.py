@@ -213,7 +213,7 @@ def test_the_page_shows_the_figure_and_its_buttons_command_the_deck(deck, browse
 
         # Button and highlight: the colour that "walk" had goes to "jog".
         walk, jog = (page.get_by_role("button", name=re.compile(f"^{name}")) for name in ("walk", "jog"))
-        page.get_by_role("button", name="walk · playing", exact=True).wait_for()
+        page.get_by_role("button", name="walk playing", exact=True).wait_for()
         colour = "button => getComputedStyle(button).backgroundColor"
         until(lambda: walk.evaluate(colour) != jog.evaluate(colour), "the highlight")
         current = walk.evaluate(colour)
@@ -251,7 +251,7 @@ def test_the_page_shows_the_figure_and_its_buttons_command_the_deck(deck, browse
 
         # The phase is shown; tempo by keyboard, a step up, and a jump.
         phase_slider = page.get_by_role("slider", name="phase")
-        tempo_slider = page.locator('[role="slider"][aria-label=""]').first
+        tempo_slider = page.get_by_role("slider", name="tempo", exact=True)
         until(lambda: phase_slider.get_attribute("aria-valuenow") == "0.4", "the phase")
         phase_slider.focus()
         page.keyboard.press("ArrowRight")

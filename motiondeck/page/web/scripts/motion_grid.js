@@ -21,17 +21,18 @@ motiondeck.part("motion-grid", (element, state, send) => {
     if (index < 9) box.dataset.keyNumber = index + 1;
     const button = child(box, "play", "button", "play");
     button.disabled = !state.enabled;
-    button.setAttribute("aria-label", state.labels[index]);
     const [answer, words] = verdicts[name] ?? ["", ""];
+    const part = state.labels[index].slice(name.length).replace(" · ", " ");
+    button.setAttribute("aria-label", name + part + (answer && ` ${answer}`)); // as it is read
     button.title = (index < 9 ? `${name}: key ${index + 1}` : name) + (words && `\n${words}`);
     button.onclick = (event) => send(event.shiftKey ? { queue: name } : { play: name });
     child(button, "picture", "span", "picture");
     write(child(button, "name", "b", ""), name);
-    write(child(button, "part", "i", ""), state.labels[index].slice(name.length).replace(" · ", "") || "\u00a0");
+    write(child(button, "part", "i", ""), part || "\u00a0");
     if (answer) {
       const verdict = child(button, "verdict", "i", "verdict");
       verdict.dataset.answer = answer.replace(/ .*/, ""); // plays, at or does
-      write(verdict, answer);
+      write(verdict, ` ${answer}`);
     }
     const later = child(box, "later", "button", "later");
     later.disabled = !state.enabled;

@@ -72,7 +72,7 @@ motiondeck.operate ??= (() => {
       };
     };
     press("slower", "−", "slower", () => now() - TEMPO_STEP);
-    press("usual", "1", "usual tempo", () => 1);
+    press("usual", "1", "tempo 1", () => 1);
     press("faster", "+", "faster", () => now() + TEMPO_STEP);
     row.append(shown);
     write(shown, `${now().toFixed(2)} ×`);
@@ -118,11 +118,11 @@ motiondeck.operate ??= (() => {
   }
 
   function drawLine(view, [word, doing, next, colour]) {
-    const line = child(view, "line", "header", "line");
+    const line = child(view, "line", "div", "line");
     line.setAttribute("role", "status");
     line.style.background = colour;
     write(child(line, "link", "strong", "link"), "NO CONNECTION");
-    write(child(line, "word", "strong", "word"), word);
+    write(child(line, "word", "h1", "word"), word);
     write(child(line, "doing", "b", ""), doing || "\u00a0");
     write(child(line, "next", "span", ""), next || "\u00a0");
   }
@@ -137,7 +137,7 @@ motiondeck.operate ??= (() => {
     write(lock, locked ? "Locked: hold" : "Lock");
     lock.title = locked ? "Hold it for 1.5 s, or hold Enter, to unlock this browser" : "No touch but the stop does anything in this browser";
     named(child(view, "robot", "div", "robot"), "robot").setAttribute("role", "img"); // seen through this
-    const free = child(view, "free", "main", "free");
+    const free = child(view, "free", "div", "free");
     free.inert = locked;
     part(free, "notices", "notices");
     const deeds = child(free, "deeds", "div", "deeds");
@@ -182,7 +182,7 @@ motiondeck.operate ??= (() => {
     const fixed = JSON.parse(element.dataset.fixed);
     redraw = () => {
       const shown = root.dataset.view === "operate";
-      const view = shown && child(document.body, "operate", "div", "operate");
+      const view = shown && child(document.body, "operate", "main", "operate");
       document.querySelector(".operate:not([data-key=operate])")?.remove();
       if (shown) draw(view, fixed, state, send);
       else document.querySelector("body > .operate")?.remove();

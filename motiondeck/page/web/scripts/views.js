@@ -55,7 +55,22 @@ motiondeck.browser ??= (() => {
     scheme.onclick = () => choose("scheme", colours === "dark" ? "light" : "dark");
   }
 
+  // viser names some of its widgets for no screen reader: they have the name of the line they stand in.
+  function name() {
+    for (const field of document.querySelectorAll('#root input:not([aria-label]):not([type="hidden"]), #root [role="slider"][aria-label=""]')) {
+      if (field.labels?.length) continue;
+      for (let box = field.parentElement; box && box.id !== "root"; box = box.parentElement) {
+        const label = box.querySelector("label[for]");
+        if (label) field.setAttribute("aria-label", label.textContent);
+        if (label) break;
+      }
+    }
+    const icons = document.querySelectorAll("#root .mantine-ActionIcon-root:not([aria-label])");
+    icons.forEach((icon, place) => icon.setAttribute("aria-label", ["Commands", "Settings of the view"][place] ?? "more"));
+  }
+
   setInterval(update, 100);
+  setInterval(name, 500);
   return { update, choose, switches };
 })();
 

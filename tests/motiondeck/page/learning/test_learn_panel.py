@@ -77,6 +77,7 @@ def test_a_dropped_recording_is_trimmed_named_learned_and_played(learning):
     drop(tab, folder / "broken.bvh")
     tab.locator("#learning").get_by_text("no MOTION section").wait_for()
     assert tab.locator("#learning").inner_text().startswith("broken.bvh")
+    assert not tab.get_by_text("uploaded successfully").is_visible()
     assert not tab.get_by_role("button", name="Learn it").is_visible()
 
     drop(tab, folder / "swing.bvh")

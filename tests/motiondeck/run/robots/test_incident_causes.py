@@ -123,6 +123,9 @@ def test_a_port_that_was_silent_is_one_event_within_a_second():
         "rig: the port /dev/ttyUSB0 was silent. Check adapter, cable and supply."
     ]
     assert run.events[0][0] - began < 1.0
+    # At the end it is one line, too, and another what has come of it.
+    assert run.output.report()["causes"][0].startswith("the port /dev/ttyUSB0 was silent.")
+    assert len(run.output.report()["causes"]) <= 2 < len(run.output.report()["incidents"])
 
 
 def test_a_pulled_servo_is_another_event_within_a_second():
