@@ -211,7 +211,7 @@ def _past(setting: Setting) -> Shots:
 
 
 def _knee(page: Any) -> None:
-    page.get_by_role("button", name="l_knee").click()
+    page.get_by_role("button", name="l knee").click()
     page.locator('.servo-card.warn[aria-label*="hot"]').scroll_into_view_if_needed()
 
 
@@ -241,7 +241,7 @@ def warmed(hands: Callable[[str], None], joint: str, degrees: int) -> Iterator[N
 
 def _registers(setting: Setting) -> Shots:
     page = setting.open("")
-    page.get_by_role("button", name="l_knee").click()
+    page.get_by_role("button", name="l knee").click()
     page.get_by_role("button", name="Registers").click()
     page.get_by_role("row", name="operating_mode").wait_for()
     time.sleep(1.0)

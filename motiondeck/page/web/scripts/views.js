@@ -66,6 +66,7 @@ motiondeck.browser ??= (() => {
       }
     }
     const icons = document.querySelectorAll("#root .mantine-ActionIcon-root:not([aria-label])");
+    document.querySelector("#root .mantine-Notification-closeButton:not([aria-label])")?.setAttribute("aria-label", "Dismiss");
     icons.forEach((icon, place) => icon.setAttribute("aria-label", ["Commands", "Settings of the view"][place] ?? "more"));
   }
 

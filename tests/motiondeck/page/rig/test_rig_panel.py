@@ -73,14 +73,14 @@ def test_cards_say_how_servos_are_and_torque_is_taken_off_after_a_question(brows
     tab = browser.new_page(viewport={"width": 900, "height": 700})
     try:
         tab.goto(coarse(page.address))
-        knee = tab.get_by_role("button", name="l_knee: does not answer")
+        knee = tab.get_by_role("button", name="l knee does not answer")
         knee.wait_for()
         assert "29/29°" in knee.inner_text()
         assert "bad" in knee.get_attribute("class")
         knee.click()
         until(lambda: panel.joint == "l_knee", "the choice")
         panel.show(state(["well", "is getting hot"], temperatures=71.0), 0.1)
-        tab.get_by_role("button", name="l_knee: is getting hot").wait_for()
+        tab.get_by_role("button", name="l knee is getting hot").wait_for()
         assert tab.locator(".servo-card.chosen .alarm").inner_text() == "71°C"
         tab.get_by_role("button", name="Torque off", exact=True).click()
         until(lambda: asked, "the command")

@@ -149,7 +149,7 @@ def test_a_dropped_recording_is_learned_and_played(page, emulator):
 
 def test_a_servo_that_is_pulled_is_told_and_red(page, emulator):
     servos, _ = emulator
-    card = page.get_by_role("button", name=re.compile("^l_knee:"))
+    card = page.get_by_role("button", name=re.compile("^l knee"))
     card.wait_for()
     assert "bad" not in card.get_attribute("class")
     with closing(CommandClient(int(COMMAND_PORT))) as client:
@@ -158,4 +158,4 @@ def test_a_servo_that_is_pulled_is_told_and_red(page, emulator):
         servos.stdin.flush()
         while not (isinstance(event := client.receive(PATIENCE), Event) and "l_knee" in event.text):
             assert event is not None
-    page.locator('.servo-card.bad[aria-label^="l_knee"]').wait_for()
+    page.locator('.servo-card.bad[aria-label^="l knee"]').wait_for()
