@@ -282,3 +282,13 @@ def test_the_badges_are_true():
         "types-pyright",
     ]
     assert "pyright" in (ROOT / ".ci" / "run").read_text()
+
+
+def test_the_version_is_the_newest_in_the_change_log_and_that_of_the_arduino_library():
+    version = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["version"]
+    changes = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    first, newest, *_ = re.findall(r"^## (.*)$", changes, flags=re.M)
+    assert first == "Unreleased"
+    assert re.fullmatch(rf"{re.escape(version)} - \d{{4}}-\d\d-\d\d", newest)
+    library = (ROOT / "motiondeck/export/arduino/library.properties").read_text(encoding="utf-8")
+    assert f"\nversion={version}\n" in library
