@@ -17,8 +17,9 @@ from motiondeck.run.sampled_motions import play_motions
 from motiondeck_base.shipped import find_library, find_robot
 from sim.physics.loads import loads_of
 from sim.physics.physics_model import feet_of
-from sim.physics.played_motions import load_sampled_robot
+from sim.physics.played_motions import DT
 from sim.physics.preflight.preflight import Preflight
+from sim.robots.robot import load_robot
 from sim.robots.self_collision import SelfCollision
 
 ROBOTS = ("servo20", "mannequin")
@@ -34,7 +35,7 @@ def main() -> None:
     library = load_library(find_library(given.library))
     rows = []
     for name in ROBOTS:
-        robot = load_sampled_robot(find_robot(name), library.skeleton)
+        robot = load_robot(find_robot(name), library.skeleton, dt=DT)
         free = Preflight(robot, robot.limits, SafetyEnvelope, "free")
         collisions, feet = SelfCollision(robot), feet_of(robot)
         for played in play_motions(library, robot):

@@ -135,12 +135,13 @@ def loaded(judged: Judged) -> tuple[MotionLibrary, Preflight]:
     from controller.loop.safety.safety_envelope import SafetyEnvelope
     from motiondeck.run.robots.walk_choice import able_to_walk
     from sim.models.robot_file import read_robot_file
-    from sim.physics.played_motions import load_sampled_robot
+    from sim.physics.played_motions import DT
     from sim.physics.preflight.preflight import Preflight
     from sim.physics.preflight.static_checks import CarriedChecks
+    from sim.robots.robot import load_robot
 
     library, file = load_library(judged.library), read_robot_file(judged.robot)
-    body, limits = on_rig(load_sampled_robot(judged.robot, library.skeleton), judged.rig)
+    body, limits = on_rig(load_robot(judged.robot, library.skeleton, dt=DT), judged.rig)
     if judged.walk:
         body = able_to_walk(body, judged.robot)
     carried = None

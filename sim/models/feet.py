@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.motion.rotations import Array, cross
+from sim.models.kinematic_tree import posed
 from sim.models.surface import outline, reach, solids
 
 # Largest height of a foot's joint, and of its lowest point, in heights of the robot: the ankle of a person is at 0.04,
@@ -40,9 +41,7 @@ class Foot:
 
 def find_feet(model: mujoco.MjModel, qpos: Array) -> tuple[Foot, ...]:
     """The feet of a robot that stands upright at qpos (nq,); none where nothing resembles a foot."""
-    data = mujoco.MjData(model)
-    data.qpos[:] = qpos
-    mujoco.mj_kinematics(model, data)
+    data = posed(model, qpos)
     down = np.array([0.0, 0.0, -1.0])
     lowest = np.full(model.nbody, np.inf)
     top = -np.inf

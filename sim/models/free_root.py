@@ -9,7 +9,7 @@ from controller.motion.rotations import Array
 from motiondeck_base.errors import FileFormatError
 from sim.models.formats.mesh_files import compiled
 from sim.models.formats.urdf_visuals import MOVED_ORIGIN
-from sim.models.kinematic_tree import below, path_to
+from sim.models.kinematic_tree import below, path_to, posed
 from sim.models.surface import Surface
 
 ROOT_JOINT = "(root)"
@@ -103,8 +103,7 @@ def _move_origin(spec: mujoco.MjSpec, root: mujoco.MjsBody) -> None:
     shared = [bodies[0] for bodies in zip(*(path[:-1] for path in movers), strict=False) if len(set(bodies)) == 1]
     own, pelvis = model.body(root.name).id, shared[-1] if shared else 0
     parts = [*root.bodies, *root.geoms, *root.sites, *root.cameras, *root.lights]
-    data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
+    data = posed(model)
     place = data.xpos[pelvis] if pelvis != own else _hips(model, data, own)
     if place is None or not pelvis or any(part.frame is not None for part in parts):
         return

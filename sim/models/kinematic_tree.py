@@ -79,6 +79,15 @@ class Scratch(mujoco.MjData):
         return self
 
 
+def posed(model: mujoco.MjModel, qpos: Array | None = None) -> mujoco.MjData:
+    """MuJoCo's state with the kinematics of a pose (nq,), by default the initial one."""
+    data = mujoco.MjData(model)
+    if qpos is not None:
+        data.qpos[:] = qpos
+    mujoco.mj_kinematics(model, data)
+    return data
+
+
 def path_to(model: mujoco.MjModel, body: int) -> list[int]:
     """The bodies from the root to a body, both included."""
     path = [body]
@@ -158,8 +167,7 @@ def mirror_signs(path: Path) -> dict[str, int]:
         model = mujoco.MjModel.from_xml_path(str(path))
     except ValueError as error:
         raise FileFormatError(f"{path}: cannot be read as a model: {' '.join(str(error).split())[:200]}") from None
-    data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
+    data = posed(model)
     hinges = [number for number in range(model.njnt) if model.jnt_type[number] == mujoco.mjtJoint.mjJNT_HINGE]
     axes = {model.joint(number).name: data.xaxis[number] for number in hinges}
     along = {name: float(way @ (axes.get(twin_of(name), 0.0 * way) * [-1.0, 1.0, -1.0])) for name, way in axes.items()}

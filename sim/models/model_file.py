@@ -28,7 +28,7 @@ from sim.models.formats.model_text import has_collision_shapes, model_kind, read
 from sim.models.formats.urdf_visuals import note_source
 from sim.models.free_root import free_root
 from sim.models.gravity import GRAVITY
-from sim.models.kinematic_tree import below, followers, path_to
+from sim.models.kinematic_tree import below, followers, path_to, posed
 from sim.models.robot_file import JointLimit
 from sim.models.surface import Surface
 
@@ -193,8 +193,7 @@ def _mend_inertias(spec: mujoco.MjSpec) -> None:
             # MuJoCo refuses such a matrix before it would mend it.
             moments, axes = np.linalg.eigh(matrix)
             least = np.maximum(moments, LEAST_INERTIA)
-            xx, yy, zz, xy, xz, yz = ((axes * least) @ axes.T)[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]].tolist()
-            body.fullinertia = [xx, yy, zz, xy, xz, yz]
+            body.fullinertia = ((axes * least) @ axes.T)[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]].tolist()
 
 
 def _servos(path: Path, spec: mujoco.MjSpec, model: mujoco.MjModel, feet: Sequence[str]) -> None:
@@ -288,8 +287,7 @@ def guess_servo(model: mujoco.MjModel, joint: int, stance: float) -> tuple[float
 
     `stance` is weight times length of its leg, N m, or 0 for another limb.
     """
-    data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
+    data = posed(model)
     mujoco.mj_comPos(model, data)
     body, anchor = int(model.jnt_bodyid[joint]), data.xanchor[joint]
     inertia = np.zeros((3, 3))
@@ -307,8 +305,7 @@ def guess_servo(model: mujoco.MjModel, joint: int, stance: float) -> tuple[float
 
 def stances(model: mujoco.MjModel, feet: Sequence[str]) -> dict[int, float]:
     """Weight times length of the leg, N m, for each joint between the root and one of the feet."""
-    data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
+    data = posed(model)
     weight, found = GRAVITY * float(model.body_mass.sum()), dict[int, float]()
     for name in feet:
         if mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, name) > 0:

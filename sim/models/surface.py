@@ -10,11 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.motion.rotations import Array, rotate
-from sim.models.formats.mesh_files import box_sides
+from sim.models.formats.mesh_files import CORNERS, box_sides
 
 # Corners, edges and sides of a cube: directions of a mesh's farthest vertices.
 _DIRECTIONS = np.array([d for d in product((-1.0, 0.0, 1.0), repeat=3) if any(d)])
-_CORNERS = np.array(list(product((-1.0, 1.0), repeat=3)))
 # Evenly on a sphere.
 _HIGH = 1.0 - np.arange(1.0, 400.0, 2.0) / 200.0
 _ROUND = np.stack([*(np.sqrt(1.0 - _HIGH**2) * f(2.4 * np.arange(200.0)) for f in (np.cos, np.sin)), _HIGH], axis=1)
@@ -58,7 +57,7 @@ class Surface:
                 # None of a box that is much longer or shorter than a rod.
                 halves = box_sides(model.body_inertia[body], float(model.body_mass[body]))
                 if LONG[0] <= halves.max() / np.linalg.norm(model.body_ipos[body] - joint) <= LONG[1]:
-                    corners = model.body_ipos[body] + rotate(model.body_iquat[body], _CORNERS * halves)
+                    corners = model.body_ipos[body] + rotate(model.body_iquat[body], CORNERS * halves)
                     balls[body] += [(corner, 0.0) for corner in corners]
         return cls._joined(balls)
 
@@ -229,7 +228,7 @@ def _balls(model: mujoco.MjModel, geom: int) -> tuple[Array, float]:
         case mujoco.mjtGeom.mjGEOM_CAPSULE:
             return np.array([[0.0, 0.0, b], [0.0, 0.0, -b]]), a
         case mujoco.mjtGeom.mjGEOM_BOX:
-            return _CORNERS * [a, b, c], 0.0
+            return CORNERS * [a, b, c], 0.0
         case mujoco.mjtGeom.mjGEOM_ELLIPSOID:
             return _DIRECTIONS / np.linalg.norm(_DIRECTIONS, axis=1)[:, None] * [a, b, c], 0.0
         case mujoco.mjtGeom.mjGEOM_CYLINDER:

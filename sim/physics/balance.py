@@ -14,8 +14,9 @@ import numpy as np
 from controller.motion.rotations import Array, about, conjugate, from_matrix, multiply, rotate, yaw
 from motiondeck_base.errors import MotiondeckError
 from sim.models.gravity import GRAVITY
+from sim.models.kinematic_tree import posed
 from sim.physics.physics_model import feet_of
-from sim.physics.walking.steps import azimuth
+from sim.physics.walking.steps import azimuth, rotated
 from sim.physics.walking.whole_body import WholeBody
 from sim.robots.robot import Robot
 
@@ -78,9 +79,7 @@ class Balance:
 
     def _plant(self) -> None:
         """Chooses the places of the feet: on the floor below, in a stance that can balance."""
-        plan, rest = self._plan, mujoco.MjData(self._model)
-        self._robot.layout.place(self._robot.rest, rest.qpos)
-        mujoco.mj_kinematics(self._model, rest)
+        plan, rest = self._plan, posed(self._model, self._robot.rest_qpos)
         turned = multiply(plan.qpos[3:7], conjugate(self._model.qpos0[3:7]))
         facing = azimuth(rotate(turned, np.array([1.0, 0.0, 0.0])))
         ahead = np.array([np.cos(facing), np.sin(facing)])
@@ -112,9 +111,7 @@ class Balance:
         # Feet slip a little with every blow, and the robot may have turned by now.
         (x, y), (u, v) = here[4:].mean(axis=0) - here[:4].mean(axis=0), self._place[1][:2] - self._place[0][:2]
         turn = np.arctan2(x * v - y * u, x * u + y * v)
-        cos, sin = np.cos(turn), np.sin(turn)
-        now = np.array([cos * off[0] - sin * off[1], sin * off[0] + cos * off[1]])
-        self._smooth += (1.0 - np.exp(-self._dt / SMOOTHING)) * (now - self._smooth)
+        self._smooth += (1.0 - np.exp(-self._dt / SMOOTHING)) * (rotated(off, turn) - self._smooth)
         return self._smooth
 
     def _hips(self, off: Array) -> Array:

@@ -25,9 +25,7 @@ _ITERATIONS = 60  # of the solver: contacts need more than a robot that hangs in
 
 def feet_of(robot: Robot) -> tuple[Foot, ...]:
     """The feet of a robot, found where it stands in its rest pose."""
-    data = mujoco.MjData(robot.model)
-    robot.layout.place(robot.rest, data.qpos)
-    return find_feet(robot.model, data.qpos)
+    return find_feet(robot.model, robot.rest_qpos)
 
 
 def check_root(root: str, *, balance: bool = False, walk: bool = False) -> None:
@@ -55,9 +53,7 @@ def physics_model(robot: Robot, root: str = "gantry", alter: Alteration | None =
     check_root(root)
     spec = robot.spec.copy()
     spec.equality(GANTRY).active = root != "free"
-    rest = robot.model.qpos0.copy()
-    robot.layout.place(robot.rest, rest)
-    for pair in near_bodies(robot.model, rest):
+    for pair in near_bodies(robot.model, robot.rest_qpos):
         a, b = (robot.model.body(body).name for body in pair)
         if a and b:
             spec.add_exclude(bodyname1=a, bodyname2=b)

@@ -2,13 +2,11 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
 from controller.motion.rotations import Array, Indices, continuous, multiply, normalise, rotate, yaw
-from controller.motion.skeleton import Pose, Skeleton
-from sim.robots.robot import Robot, load_robot
+from controller.motion.skeleton import Pose
 
 DT = 0.01  # s from sample to sample
 
@@ -21,11 +19,6 @@ class PlayedMotion:
     loop: bool  # whether its end continues in its beginning
     targets: Array  # retargeted joints, shape (T, J), rad
     poses: tuple[Pose, ...]  # of the human, length T
-
-
-def load_sampled_robot(path: Path, skeleton: Skeleton) -> Robot:
-    """Loads a robot that is posed once per sample, every DT."""
-    return load_robot(path, skeleton, dt=DT)
 
 
 def endless_poses(poses: Sequence[Pose]) -> Iterator[Pose]:

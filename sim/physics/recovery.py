@@ -32,35 +32,6 @@ TRIES = 6
 GIVEN_UP, JOINS = 1.0, 0.6  # time after which a tucked robot has given up, and from the rest pose into the motion, s
 
 
-class FallGuard:
-    """Controls the joints of a falling robot by its `targets` (J,), rad."""
-
-    def __init__(self, robot: Robot, model: mujoco.MjModel, dt: float) -> None:
-        """Args: the robot; the simulated model, whose servos it softens; the tick, s."""
-        self._robot, self._model = robot, model
-        self._step = robot.limits.velocity * dt
-        self._gain, self._bias = model.actuator_gainprm[:, 0].copy(), model.actuator_biasprm[:, 1].copy()
-        self.targets = robot.rest.copy()
-
-    def take_over(self, goal: Array) -> None:
-        """Softens the servos, and starts from the joints of a goal (nq,)."""
-        self._robot.layout.read(goal, near=self.targets, out=self.targets)
-        self._soften(SOFT)
-
-    def let_go(self) -> None:
-        """Restores the servos."""
-        self._soften(1.0)
-
-    def adjust(self, goal: Array) -> None:
-        """Moves the joints of a goal (nq,) one tick towards the tucked pose."""
-        self.targets += np.clip(self._robot.tucked - self.targets, -self._step, self._step)
-        self._robot.layout.place(self.targets, goal)
-
-    def _soften(self, share: float) -> None:
-        self._model.actuator_gainprm[:, 0] = share * self._gain
-        self._model.actuator_biasprm[:, 1] = share * self._bias
-
-
 def has_fallen(qpos: Array, played: Array, standing: Array) -> bool:
     """Whether a root (>= 7,) is too low or leans too far beside the commanded one; `standing`: its upright rotation."""
     up = rotate(conjugate(standing), np.array([0.0, 0.0, 1.0]))
@@ -76,9 +47,10 @@ class Recovery:
     """Controls the joints while a robot falls and gets up, in a `phase`; `rises` counts how often it has got up."""
 
     def __init__(self, robot: Robot, model: mujoco.MjModel, dt: float) -> None:
-        """Args: the robot; the simulated model; the tick, s."""
+        """Args: the robot; the simulated model, whose servos it softens; the tick, s."""
         self._robot, self._model, self._dt = robot, model, dt
-        self._guard = FallGuard(robot, model, dt)
+        self._step = robot.limits.velocity * dt
+        self._gain, self._bias = model.actuator_gainprm[:, 0].copy(), model.actuator_biasprm[:, 1].copy()
         self._height = robot.root_height
         self._beat = math.sqrt(self._height / GRAVITY)
         self._upright = conjugate(model.qpos0[3:7])
@@ -88,7 +60,7 @@ class Recovery:
 
     def start(self) -> None:
         """Resets to playing with full servos."""
-        self._guard.let_go()
+        self._soften(1.0)
         self._begin(Phase.PLAYS)
         self._tries = 0
 
@@ -113,14 +85,15 @@ class Recovery:
         if not (held and self.phase in (Phase.RISES, Phase.JOINS)) or self.stands:
             self._ticks += 1
         if falling and self.phase in (Phase.PLAYS, Phase.JOINS):
-            self._guard.take_over(before)
+            self._robot.layout.read(before, near=self._targets, out=self._targets)
+            self._soften(SOFT)
             self._begin(Phase.FALLS)
         match self.phase:
             case Phase.FALLS:
-                self._guard.adjust(goal)
+                self._targets += np.clip(self._robot.tucked - self._targets, -self._step, self._step)
+                self._robot.layout.place(self._targets, goal)
                 if self._robot.rise is not None and not held and self.seconds > FALLS and self._is_still(data):
-                    self._guard.let_go()
-                    self._targets[:] = self._guard.targets
+                    self._soften(1.0)
                     self._begin(Phase.RISES)
                     self._course = self._moves([(STRAIGHT * self._beat, self._robot.rest)])
             case Phase.RISES if not held:
@@ -156,6 +129,11 @@ class Recovery:
             self._begin(Phase.RISES)
             rows = rise.front if ahead[2] < 0.0 else rise.back
             self._course = self._moves([*rows, (STANDS * self._beat, self._robot.rest)])
+
+    def _soften(self, share: float) -> None:
+        """Leaves the servos a share of their kp, and all of their kv."""
+        self._model.actuator_gainprm[:, 0] = share * self._gain
+        self._model.actuator_biasprm[:, 1] = share * self._bias
 
     def _begin(self, phase: Phase) -> None:
         self.phase, self._ticks, self._still, self._looks = phase, 0, 0, 0

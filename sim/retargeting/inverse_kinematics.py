@@ -256,10 +256,8 @@ class LimbSolver:
         rest = q - self._rest
         if self._tilting:
             tilt = vector_of(self.tilt.tolist())
-            low, high = (
-                np.concatenate([low, np.maximum(-tilts, -FARTHEST - tilt)]),
-                np.concatenate([high, np.minimum(tilts, FARTHEST - tilt)]),
-            )
+            low = np.concatenate([low, np.maximum(-tilts, -FARTHEST - tilt)])
+            high = np.concatenate([high, np.minimum(tilts, FARTHEST - tilt)])
             rest = np.concatenate([rest, tilt])
         slope += self._stays * rest
         step, _, flag, _ = daqp.solve(hessian, slope, self._no_rows, high, np.minimum(low, high), self._any_sense)

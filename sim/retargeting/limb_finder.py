@@ -91,9 +91,7 @@ class LimbFinder:
         # Heel and ball of each foot in its own frame, shape (2, 2, 3), m; empty without two feet.
         self.sole_ends = np.empty((0, 2, 3))
         self._starts: dict[str, Array] = {}  # of limbs by name ("r_leg"), m
-        self._names: list[str] = []
-        self._ends: list[tuple[int, int]] = []
-        self._points: list[tuple[Array, Array]] = []
+        self._vectors: list[tuple[str, tuple[int, int], tuple[Array, Array]]] = []  # name, bodies and local points
 
     def find(self) -> Vectors:
         """All vectors; FileFormatError if a limb lacks a necessary joint, or its end is unknown."""
@@ -124,15 +122,14 @@ class LimbFinder:
             feet = [self._parts[f"{side}_foot"] for side in SIDES]
             self.sole_ends = np.array([[self._local(b, p) for p in pair] for b, pair in zip(feet, soles, strict=True)])
             self._add(FEET, *((foot, pair.mean(axis=0)) for foot, pair in zip(feet, soles, strict=True)))
-        body, point = np.array(self._ends, np.int64).T.copy(), np.array(self._points).transpose(1, 0, 2).copy()
+        names, ends, points = zip(*self._vectors, strict=True)
+        body, point = np.array(ends, np.int64).T.copy(), np.array(points).transpose(1, 0, 2).copy()
         world = self._data.xpos[body] + rotate(self._data.xquat[body], point)
         rest = world[1] - world[0]
-        return Vectors(tuple(self._names), body, point, rest, np.linalg.norm(rest, axis=1))
+        return Vectors(names, body, point, rest, np.linalg.norm(rest, axis=1))
 
     def _add(self, name: str, start: tuple[int, Array], end: tuple[int, Array]) -> None:
-        self._names.append(name)
-        self._ends.append((start[0], end[0]))
-        self._points.append((self._local(*start), self._local(*end)))
+        self._vectors.append((name, (start[0], end[0]), (self._local(*start), self._local(*end))))
 
     def _add_axis(self, name: str, body: int, axis: Array) -> None:
         at = self._data.xpos[body]

@@ -41,21 +41,18 @@ def carry(clip: Clip, robot: Robot, limiter: Limiter) -> Carried:
     """Plays a clip on a robot frame by frame: retargeter, target limiter, footing."""
     limits = robot.limits
     limited = limiter(limits, 1.0 / clip.rate)
-    wanted, played, qpos = [], [], []
-    state = np.zeros(robot.model.nq)
+    wanted, played = np.empty((2, len(clip), len(robot.joints)))
+    qpos = np.zeros((len(clip), robot.model.nq))
     if robot.footing is not None:
         robot.footing.stance.flat.learn(clip)
     for frame, pose in enumerate(poses_of(clip)):
-        targets = np.clip(robot.retarget(pose), limits.lower, limits.upper)
+        np.clip(robot.retarget(pose), limits.lower, limits.upper, out=wanted[frame])
         if frame == 0:
-            limited.start(targets)
-        safe = limited(targets)
-        robot.place(safe, pose, state)
-        wanted.append(targets.copy())
-        played.append(safe.copy())
-        qpos.append(state.copy())
+            limited.start(wanted[0])
+        played[frame] = limited(wanted[frame])
+        robot.place(played[frame], pose, qpos[frame])
     altered = sum(limited.changed) / max(len(clip) * len(robot.joints), 1)
-    return Carried(np.array(wanted), np.array(played), np.array(qpos), lines_for(robot, clip), altered)
+    return Carried(wanted, played, qpos, lines_for(robot, clip), altered)
 
 
 def lines_for(robot: Robot, clip: Clip) -> Array:

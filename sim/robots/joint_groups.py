@@ -8,7 +8,7 @@ import numpy as np
 from controller.motion.anatomy import anatomy
 from controller.motion.skeleton import Skeleton
 from motiondeck_base.errors import UnknownNameError
-from sim.models.kinematic_tree import joints_above
+from sim.models.kinematic_tree import joints_above, posed
 from sim.models.robot_file import RobotFile
 from sim.robots.robot import Robot
 
@@ -37,8 +37,7 @@ def gaze_gains(robot: Robot, groups: Mapping[str, tuple[str, ...]]) -> dict[str,
 
     They turn the head by these angles about z and against y, with the least squares of their own.
     """
-    names, data = groups.get("head", ()), mujoco.MjData(robot.model)
-    mujoco.mj_kinematics(robot.model, data)
+    names, data = groups.get("head", ()), posed(robot.model)
     mujoco.mj_comPos(robot.model, data)
     axes = data.cdof[[robot.layout.dof[robot.joints.index(name)] for name in names], :3] if names else np.zeros((0, 3))
     gains = np.linalg.pinv(axes.T, rcond=1e-3) @ [[0.0, 0.0], [0.0, -1.0], [1.0, 0.0]]

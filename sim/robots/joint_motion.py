@@ -55,8 +55,7 @@ def retargeted(robot: Robot, clip: Clip, given: Array | None = None) -> JointMot
 
     With `given` angles (T, J), rad, these are placed instead, and only the root is found.
     """
-    state = robot.model.qpos0.copy()
-    robot.layout.place(robot.rest, state)
+    state = robot.rest_qpos
     if robot.footing is not None:
         robot.footing.stance.flat.learn(clip)
     angles, qpos = np.empty((len(clip), len(robot.joints))), np.empty((len(clip), robot.model.nq))

@@ -13,6 +13,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, field
+from itertools import product
 from pathlib import Path
 from typing import NamedTuple, Protocol
 
@@ -113,6 +114,13 @@ class Robot:
         return float(self.model.body(int(self.model.jnt_bodyid[0])).pos[2])
 
     @property
+    def rest_qpos(self) -> Array:
+        """The rest pose with the root as in the model, shape (nq,)."""
+        qpos = self.model.qpos0.copy()
+        self.layout.place(self.rest, qpos)
+        return qpos
+
+    @property
     def drawn(self) -> mujoco.MjModel:
         """The model for pictures and films: with the visual shapes of its URDF, if any."""
         return with_visuals(self.spec)[1]
@@ -188,7 +196,7 @@ class _FittedModel(NamedTuple):
     @classmethod
     def of(cls, path: Path, file: RobotFile, spec: mujoco.MjSpec, model: mujoco.MjModel) -> _FittedModel:
         layout = JointLayout.of(model)
-        limits = _limits(path, file, model, layout)
+        limits = _limits(file, model, layout)
         return cls(spec, model, layout, limits, _rest(path, file, layout, limits))
 
 
@@ -271,7 +279,11 @@ def load_model(path: Path, file: RobotFile) -> tuple[mujoco.MjSpec, mujoco.MjMod
 
 
 def _rest(path: Path, file: RobotFile, layout: JointLayout, limits: JointLimits) -> Array:
-    rest = _by_joint(path, layout, "rest", file.rest, np.clip(0.0, limits.lower, limits.upper))
+    rest = np.clip(0.0, limits.lower, limits.upper)
+    for name, angle in file.rest.items():
+        if name not in layout.joints:
+            raise UnknownNameError(f"{path}: rest: {UnknownNameError.among('joint', name, layout.joints)}")
+        rest[layout.joints.index(name)] = angle
     outside = (rest < limits.lower) | (rest > limits.upper)
     if outside.any():
         joint = int(np.argmax(outside))
@@ -282,17 +294,17 @@ def _rest(path: Path, file: RobotFile, layout: JointLayout, limits: JointLimits)
     return rest
 
 
-def _limits(path: Path, file: RobotFile, model: mujoco.MjModel, layout: JointLayout) -> JointLimits:
+def _limits(file: RobotFile, model: mujoco.MjModel, layout: JointLayout) -> JointLimits:
+    """The limits of a model whose joints are as of `set_joints`."""
     lower, upper = joint_ranges(model, layout)
-    count = len(layout.joints)
     table = {"lower": lower, "upper": upper}
     for key in ("velocity", "acceleration", "jerk"):
-        table[key] = np.full(count, getattr(file.limits, key))
+        table[key] = np.full(len(lower), getattr(file.limits, key))
     if file.servo is not None:
         table["velocity"] = np.minimum(table["velocity"], file.servo.speed)
-    for key, values in table.items():
-        own = {name: value for name, joint in file.limits.joints.items() if (value := getattr(joint, key)) is not None}
-        _by_joint(path, layout, "limits.joints", own, values)
+    for (name, own), (key, values) in product(file.limits.joints.items(), table.items()):
+        if (value := getattr(own, key)) is not None:
+            values[layout.joints.index(name)] = value
     return JointLimits(**table)
 
 
@@ -304,15 +316,6 @@ def joint_ranges(model: mujoco.MjModel, layout: JointLayout) -> tuple[Array, Arr
     balls = layout.ball.ravel()
     lower[balls] = -upper[balls]
     return lower, upper
-
-
-def _by_joint(path: Path, layout: JointLayout, place: str, own: dict[str, float], values: Array) -> Array:
-    """Fills in what a table of the robot file says of single joints."""
-    for name, value in own.items():
-        if name not in layout.joints:
-            raise UnknownNameError(f"{path}: {place}: {UnknownNameError.among('joint', name, layout.joints)}")
-        values[layout.joints.index(name)] = value
-    return values
 
 
 class Bends(NamedTuple):

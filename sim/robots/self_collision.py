@@ -36,9 +36,7 @@ class SelfCollision:
         except ValueError as error:  # a flat mesh that only draws the robot has no hull
             text = " ".join(str(error).split())
             raise MotiondeckError(f"{robot.name}: which of its bodies touch cannot be judged: {text}") from None
-        rest = model.qpos0.copy()
-        robot.layout.place(robot.rest, rest)
-        self._near = near_bodies(model, rest)
+        self._near = near_bodies(model, robot.rest_qpos)
         for a, b in self._near:
             if model.body(a).name and model.body(b).name:
                 spec.add_exclude(bodyname1=model.body(a).name, bodyname2=model.body(b).name)

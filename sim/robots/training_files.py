@@ -97,15 +97,9 @@ def _tracking(model: mujoco.MjModel, qpos: Array, rate: float, at: NDArray[np.in
     origin = in_the_files_frame(model, place[:, 0], turn[:, 0])
     speed[:, 0] += np.cross(spin[:, 0], origin - place[:, 0])
     place[:, 0] = origin
-    return {
-        "fps": np.array([rate]),
-        "joint_pos": qpos[:, at].astype(np.float32),
-        "joint_vel": qvel[:, at - 1].astype(np.float32),
-        "body_pos_w": place.astype(np.float32),
-        "body_quat_w": turn.astype(np.float32),
-        "body_lin_vel_w": speed.astype(np.float32),
-        "body_ang_vel_w": spin.astype(np.float32),
-    }
+    found = {"joint_pos": qpos[:, at], "joint_vel": qvel[:, at - 1]}
+    found |= {"body_pos_w": place, "body_quat_w": turn, "body_lin_vel_w": speed, "body_ang_vel_w": spin}
+    return {"fps": np.array([rate])} | {name: array.astype(np.float32) for name, array in found.items()}
 
 
 def npz_bytes(**arrays: object) -> bytes:

@@ -80,8 +80,6 @@ class PageContents:
 
         deck, simulation = self.deck, self.robots[0].simulation
         robot = simulation.robot
-        rest = robot.model.qpos0.copy()
-        robot.layout.place(robot.rest, rest)
         library = str(self.library.resolve()) if self.library is not None else None
         looks_inside = deck.activation is not None or deck.phase is not None
         standing, refused = on_floor(self.robots[0]) is not None, {*self.robots[0].without_layers}
@@ -89,7 +87,7 @@ class PageContents:
         return PageDescription(
             model_file=str(models[0]),
             follower_file=str(models[1]) if len(models) > 1 else None,
-            rest=rest.tolist(),
+            rest=robot.rest_qpos.tolist(),
             robot=robot.name,
             motions=list(deck.motions),
             joints=list(robot.joints),

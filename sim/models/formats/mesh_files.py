@@ -4,6 +4,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from io import BytesIO
+from itertools import product
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -82,7 +83,7 @@ _FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute
 _VERTEX = re.compile(rb"vertex\s+(\S+)\s+(\S+)\s+(\S+)")
 _Y_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])  # turns what has y up
 _NO_VOLUME = re.compile(r"mesh volume is (?:too small|negative)[^:]*: (\S+)")
-_CORNERS = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
+CORNERS = np.array(list(product((-1.0, 1.0), repeat=3)))  # of a cube
 
 
 MISSING = "(missing meshes)"  # a model's custom text: the files of meshes that boxes replace, a line each
@@ -220,7 +221,7 @@ def _hull(points: Array) -> TriangleMesh:
     except (QhullError, ValueError):
         low, high = points.min(axis=0), points.max(axis=0)
         size = np.maximum(high - low, max(_THIN * float((high - low).max()), 1e-6))
-        hull = ConvexHull(0.5 * (low + high) + _CORNERS * size)
+        hull = ConvexHull(0.5 * (low + high + CORNERS * size))
     kept = hull.vertices
     number = np.full(len(hull.points), -1)
     number[kept] = np.arange(len(kept))

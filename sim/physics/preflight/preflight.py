@@ -71,7 +71,8 @@ class Preflight:
 
         def passes_simulated(slow: float) -> bool:
             carried = all(finding.ok for finding in self._carried(played, slow))
-            return carried and self._follows(played, slow) and passes_static(slow)
+            follows = carried and all(one.ok for one in self.simulated(played, slow, until=ASTRAY))
+            return follows and passes_static(slow)
 
         passes = fastest_passing(passes_static, tempo, _WITHIN)
         if simulate and passes is not None and not passes_simulated(passes):
@@ -103,25 +104,14 @@ class Preflight:
             return f"its servo is soft: under {needs:.3g} N m its {stiffness:.3g} N m/rad give way by {sag:.2f} rad"
         return ""
 
-    def simulated(self, played: PlayedMotion, tempo: float) -> list[Finding]:
-        """The findings of physics: whether the servos follow, and whether a free robot stands."""
-        astray, joint, _ = self.play(played, tempo, self._held)
-        found = [limited("off target", astray, ASTRAY, "rad", self.robot.joints[joint])]
+    def simulated(self, played: PlayedMotion, tempo: float, until: float = np.inf) -> Iterator[Finding]:
+        """The findings of physics, one by one as they are asked for: servos, to an error `until`, rad; then falls."""
+        astray, joint, _ = self.play(played, tempo, self._held, until=until)
+        yield limited("off target", astray, ASTRAY, "rad", self.robot.joints[joint])
         if self.walk:
-            found += self._walked_findings(played, tempo)
+            yield from self._walked_findings(played, tempo)
         elif self.root == "free":
-            _, _, fell = self.play(played, tempo, "free", FALL_SECONDS)
-            found.append(_falls(fell))
-        return found
-
-    def _follows(self, played: PlayedMotion, tempo: float) -> bool:
-        """Whether all `simulated` findings pass; it stops at the first that fails."""
-        astray, _, _ = self.play(played, tempo, self._held, until=ASTRAY)
-        if astray > ASTRAY or self.root != "free":
-            return astray <= ASTRAY
-        if self.walk:
-            return all(finding.ok for finding in self._walked_findings(played, tempo))
-        return self.play(played, tempo, "free", FALL_SECONDS)[2] is None
+            yield _falls(self.play(played, tempo, "free", FALL_SECONDS)[2])
 
     def _walked_findings(self, played: PlayedMotion, tempo: float) -> list[Finding]:
         """Findings of walking it on the robot's own feet for FALL_SECONDS, or until a fall."""

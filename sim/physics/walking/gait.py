@@ -9,7 +9,7 @@ from sim.models.gravity import GRAVITY
 from sim.models.walk_settings import WalkSettings
 from sim.physics.walking.preview import Swing
 from sim.physics.walking.rolling import Rolling
-from sim.physics.walking.steps import MEETS, Step, pressure_course, swing_path, wrapped
+from sim.physics.walking.steps import MEETS, Step, pressure_course, rotated, swing_path, wrapped
 
 GROWS, STOOD = (0.3, 0.55, 0.8, 1.0), 0.6  # shares of the first steps after standing for STOOD, s
 SHORTEST, UNKNOWN = 0.2, 0.3  # least duration of a step, and of a swing whose end is not in the preview yet, s
@@ -68,7 +68,7 @@ class Gait:
                 self.places[self.step.foot], self.yaws[self.step.foot] = self.step.place, self.step.yaw
                 self._heading, self._astray = self.step.heading, self.step.astray
                 other = 1 - self.step.foot
-                toes = _turned((self._roll, 0.0), float(self.yaws[other]))
+                toes = rotated((self._roll, 0.0), float(self.yaws[other]))
                 self._landed = now - MEETS, self.places[other] + toes
                 self.step = self._swing = None
         if ended in self._own:
@@ -93,14 +93,14 @@ class Gait:
             return np.zeros(2)
         before = self._longer
         alone = off + effect * before
-        wanted = _turned(alone * (effect / (effect**2 + DOUBT**2)), -step.direction) * (s.ahead, s.aside)
+        wanted = rotated(alone * (effect / (effect**2 + DOUBT**2)), -step.direction) * (s.ahead, s.aside)
         most = LONGER * self._height
         x = min(max(wanted[0], -most), most)
         side = self._sides[step.foot]
-        planned = side * _turned(step.place - before - self.places[1 - step.foot], -step.direction)[1]
+        planned = side * rotated(step.place - before - self.places[1 - step.foot], -step.direction)[1]
         y = side * (min(max(planned + side * wanted[1], NARROW * self._width), WIDE * self._width) - planned)
         stands, unmoved = self.places[1 - step.foot], step.place - before
-        place = unmoved + _turned((x, y), step.direction)
+        place = unmoved + rotated((x, y), step.direction)
         place = stands + (place - stands) * min(1.0, self._reach / float(np.hypot(*(place - stands))))
         along, _ = swing_path((now - step.start) / (step.end - step.start))
         moves = place - unmoved - before
@@ -118,7 +118,7 @@ class Gait:
         heading, start = self._heading - self._astray, now
         for swings in (foot, 1 - foot):
             # Side by side, and then as they stood.
-            x, y = _turned(self.places[swings] - self.places[1 - swings], -self._heading)
+            x, y = rotated(self.places[swings] - self.places[1 - swings], -self._heading)
             share, side = self._set.share, self._sides[swings]
             x = 0.0 if swings == foot else x / share
             y = side * ((side * y - self._width) / share + self._width)
@@ -204,7 +204,7 @@ class Gait:
         heading, astray = heading + turned, astray + turned - turn
         direction = heading - half
         share = self._set.share * GROWS[min(count, len(GROWS) - 1)]
-        x, y = _turned((swing.from_other[0], swing.from_other[1]), half)
+        x, y = rotated((swing.from_other[0], swing.from_other[1]), half)
         end = self._end(swing, swing.start)
         # A foot that passes the other one goes twice as far as it lands ahead of it.
         seconds = min(end - swing.start, self._slowest)
@@ -213,7 +213,7 @@ class Gait:
         aside = share * max(side * y - self._width, 0.0) if self._apart > 0.0 else 0.0
         # Legs that are apart reach less far ahead.
         far = max(1.0, float(np.hypot(share * x / most, aside / max(self._apart, 1e-9))))
-        place = other + _turned((share * x / far, side * (self._width + aside / far)), direction)
+        place = other + rotated((share * x / far, side * (self._width + aside / far)), direction)
         yaw = heading + _clipped(swing.yaw - swing.heading)
         # A foot that only follows the other one, as in boxing, does not roll.
         leaves, lands = (max(swing.leaves, 0.0), max(-swing.lands, 0.0)) if x > 0.0 else (0.0, 0.0)
@@ -223,8 +223,3 @@ class Gait:
 def _clipped(turn: float, most: float = FOOT_TURN) -> float:
     """A turn, rad, of at most so much to either side."""
     return min(max(wrapped(turn), -most), most)
-
-
-def _turned(vector: Array | tuple[float, float], angle: float) -> Array:
-    (x, y), cos, sin = vector, np.cos(angle), np.sin(angle)
-    return np.array([cos * x - sin * y, sin * x + cos * y])

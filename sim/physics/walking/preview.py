@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from controller.motion.rotations import Array
+from sim.physics.walking.steps import rotated
 
 AHEAD = 1.2  # delay of the body behind the motion, s
 
@@ -153,7 +154,5 @@ class Footfalls:
             swing.end = now
 
     def _place(self, swing: Swing, soles: Array, yaws: Array, heading: float) -> None:
-        x, y = (soles[swing.foot] - soles[1 - swing.foot])[:2]
-        cos, sin = np.cos(heading), np.sin(heading)
-        swing.from_other = np.array([cos * x + sin * y, cos * y - sin * x])
+        swing.from_other = rotated((soles[swing.foot] - soles[1 - swing.foot])[:2], -heading)
         swing.yaw, swing.heading = float(yaws[swing.foot]), heading

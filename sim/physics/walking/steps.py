@@ -113,6 +113,12 @@ def highest(lift: float, seconds: float) -> float:
     return min(lift, RISES * seconds)
 
 
+def rotated(vector: Array | tuple[float, float], angle: float) -> Array:
+    """A vector (2,) turned to the left by an angle, rad."""
+    (x, y), cos, sin = vector, np.cos(angle), np.sin(angle)
+    return np.array([cos * x - sin * y, sin * x + cos * y])
+
+
 def azimuth(direction: Array) -> float:
     """Azimuth of a direction (3,), rad."""
     return float(np.arctan2(direction[1], direction[0]))

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from motiondeck_base.errors import MotiondeckError
 from sim.models.feet import Foot
 from sim.models.gravity import GRAVITY
-from sim.models.kinematic_tree import path_to
+from sim.models.kinematic_tree import path_to, posed
 from sim.physics.walking.whole_body import WholeBody
 from sim.robots.robot import Robot
 
@@ -31,9 +31,7 @@ def check_legs(robot: Robot, model: mujoco.MjModel, body: WholeBody, feet: tuple
 
     `roll` is the largest distance of the centre of pressure from the middle of the sole, m.
     """
-    rest = mujoco.MjData(model)
-    robot.layout.place(robot.rest, rest.qpos)
-    mujoco.mj_kinematics(model, rest)
+    rest = posed(model, robot.rest_qpos)
     for foot in feet:
         own = int(model.body(foot.body).id)
         sole = rest.xpos[own] + rest.xmat[own].reshape(3, 3) @ foot.sole

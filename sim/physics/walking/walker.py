@@ -37,6 +37,7 @@ from controller.motion.rotations import (
 from motiondeck_base.errors import MotiondeckError
 from sim.models.feet import Foot
 from sim.models.gravity import GRAVITY
+from sim.models.kinematic_tree import posed
 from sim.physics.walking.capture_point import LastingError, follow, pendulum_rate, planned_capture_point, run_away
 from sim.physics.walking.gait import WIDE, Gait
 from sim.physics.walking.momentum import Momentum, leg_swing, legs_carry
@@ -91,12 +92,10 @@ class Walker:
         self._root = int(model.jnt_bodyid[0])
         self._weight = float(model.body_subtreemass[self._root]) * GRAVITY
         self._body = WholeBody(robot, model, feet, dt, HEIGHT)
-        self._motion = mujoco.MjData(model)
+        self._motion = posed(model, robot.rest_qpos)
         self._toes = [foot.axes[:, 0] for foot in feet]
         self._flat = [from_matrix(foot.axes.T) for foot in feet]
         self._half = 0.5 * float(np.ptp((feet[0].corners @ feet[0].axes)[:, 0]))
-        robot.layout.place(robot.rest, self._motion.qpos)
-        mujoco.mj_kinematics(model, self._motion)
         left = self._stance(self._motion)[0][:, 1]
         self._sides = np.sign(left - left.mean())
         stiffness = np.full(model.nv, np.inf)

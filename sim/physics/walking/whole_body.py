@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from controller.motion.rotations import Array, conjugate, cross, multiply, rotate, to_rotation_vector
 from sim.models.feet import Foot
-from sim.models.kinematic_tree import hinges_between, path_to
+from sim.models.kinematic_tree import hinges_between, path_to, posed
 from sim.models.limb_geometry import bent_by, centre_of, end_hinge
 from sim.robots.robot import Robot
 
@@ -40,8 +40,7 @@ UP = np.array([0.0, 0.0, 1.0])
 
 def knee_of(model: mujoco.MjModel, body: int) -> tuple[int, float] | None:
     """The hinge that shortens the leg of a foot most, and its angle in the straight leg, rad; None without a knee."""
-    data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
+    data = posed(model)
     hinges = hinges_between(model, int(model.jnt_bodyid[0]), body)
     found, most, leg = None, 0.0, 0.0
     for k in range(1, len(hinges)):

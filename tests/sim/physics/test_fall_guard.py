@@ -1,9 +1,10 @@
+import mujoco
 import numpy as np
 import pytest
 
 from sim.physics.physics_model import physics_model
 from sim.physics.playback import PhysicsPlayback
-from sim.physics.recovery import SOFT, FallGuard
+from sim.physics.recovery import SOFT, Recovery
 from sim.robots.robot import load_robot
 from simulated_bodies import ROBOTS, bent_pose, human
 
@@ -17,13 +18,13 @@ def load(name="servo20"):
 @pytest.mark.parametrize("name", ["mannequin", "servo20"])
 def test_it_goes_to_the_tucked_pose_no_faster_than_the_joints_can(name):
     robot = load(name)
-    guard = FallGuard(robot, physics_model(robot, "free"), DT)
+    model = physics_model(robot, "free")
+    guard, data = Recovery(robot, model, DT), mujoco.MjData(model)
     goal, joints = robot.model.qpos0.copy(), robot.rest.copy()
     robot.layout.place(robot.rest, goal)
-    guard.take_over(goal)
     for _ in range(400):
         before = joints.copy()
-        guard.adjust(goal)
+        guard.adjust(data, goal.copy(), goal, falling=True, held=True)
         robot.layout.read(goal, near=robot.tucked, out=joints)
         assert (np.abs(joints - before) <= robot.limits.velocity * DT + 1e-9).all()
     assert np.allclose(joints, robot.tucked, atol=1e-6)
@@ -33,12 +34,12 @@ def test_servos_are_soft_until_it_lets_go():
     robot = load()
     model = physics_model(robot, "free")
     gain, damping = model.actuator_gainprm[:, 0].copy(), model.actuator_biasprm[:, 2].copy()
-    guard = FallGuard(robot, model, DT)
-    guard.take_over(robot.model.qpos0.copy())
+    guard, goal = Recovery(robot, model, DT), robot.model.qpos0.copy()
+    guard.adjust(mujoco.MjData(model), goal.copy(), goal, falling=True)
     assert np.allclose(model.actuator_gainprm[:, 0], SOFT * gain)
     assert np.allclose(model.actuator_biasprm[:, 1], -SOFT * gain)
     assert np.allclose(model.actuator_biasprm[:, 2], damping)
-    guard.let_go()
+    guard.start()
     assert np.allclose(model.actuator_gainprm[:, 0], gain)
     assert np.allclose(model.actuator_biasprm[:, 1], -gain)
 

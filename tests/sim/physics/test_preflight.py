@@ -194,7 +194,7 @@ def test_a_robot_that_walks_is_judged_by_how_it_stands_and_how_far_it_goes(monke
     assert found["robot goes"].value < 0.02
     weak = replace(SERVO20, servo=msgspec.structs.replace(SERVO20.servo, torque=0.1))
     with pytest.raises(MotiondeckError, match="cannot stand on one leg"):
-        preflight(weak, "free", walk=True).simulated(played, 1.0)
+        list(preflight(weak, "free", walk=True).simulated(played, 1.0))
 
 
 def test_a_robot_that_falls_while_it_is_to_walk_is_told_so_with_the_time(monkeypatch):

@@ -15,7 +15,7 @@ from sim.models.joint_layout import JointLayout
 from sim.models.model_file import read_model
 from sim.models.robot_file import read_robot_file
 from sim.models.surface import LowestPoint
-from sim.physics.played_motions import DT, load_sampled_robot
+from sim.physics.played_motions import DT
 from sim.retargeting.human_limbs import LIMBS, LimbView
 from sim.retargeting.robot_limbs import RobotLimbs, limb_directions
 from sim.robots.body_matching import match
@@ -92,7 +92,7 @@ def test_a_joint_that_rests_at_the_very_end_of_its_range_can_be_loaded(tmp_path)
 
 def test_a_sampled_robot_lets_joints_go_as_fast_as_they_may(tmp_path):
     path = robot_file(tmp_path, humanoid())
-    robot = load_sampled_robot(path, human())
+    robot = load_robot(path, human(), dt=DT)
     robot.retarget(bent_pose(human()))
     before = robot.retarget.solver.q.copy()
     step = np.abs(robot.retarget(bent_pose(human(), rank=(0, 1.5, 0))) - before) / robot.limits.velocity / DT
