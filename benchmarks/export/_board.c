@@ -1,7 +1,7 @@
 /* Counts the instructions of a player's ticks on an emulated Cortex-M, by SysTick under `-icount shift=0`.
 
-   One SysTick is 40 instructions there. Ticks are of four kinds: a motion plays, a fade runs, the search for the duration
-   of a fade goes on with it, a motion is entered. LAYERS play over all joints but one each. */
+   One SysTick is 40 instructions there. Ticks are of five kinds: a motion plays, a fade runs, the search for the duration
+   of a fade goes on with it, a motion is entered, two motions are blended. LAYERS play over all joints but one each. */
 #include "player.h"
 
 #include "figure.h"
@@ -38,24 +38,26 @@ static uint32_t step(void) {
 }
 
 static void run(void) {
-  static const char *const names[4][2] = {
-      {"playing", "playing_worst"}, {"fading", "fading_worst"}, {"searching", "searching_worst"}, {"entering", "entering_worst"}};
-  uint64_t sum[4] = {0, 0, 0, 0};
-  uint32_t count[4] = {0, 0, 0, 0}, worst[4] = {0, 0, 0, 0};
+  static const char *const names[5][2] = {
+      {"playing", "playing_worst"}, {"fading", "fading_worst"}, {"searching", "searching_worst"}, {"entering", "entering_worst"},
+      {"blending", "blending_worst"}};
+  uint64_t sum[5] = {0};
+  uint32_t count[5] = {0}, worst[5] = {0};
   md_begin(&player, figure, 0);
   for (int layer = 0; layer < LAYERS; layer++)
     md_layer(&player, ((1ull << md_joints(figure)) - 1) ^ 1ull << layer, layer % md_motions(figure), MD(0.5), MD(1));
   for (int from = 0; from < md_motions(figure); from++)
     for (int to = 0; to < md_motions(figure); to++) {
-      md_switch(&player, to, 1);
-      for (int tick = 0; tick < 100; tick++) {
-        int kind = player.entering >= 0 ? 3 : player.fading ? 1 + !player.found : 0;
+      int blends = from < to && !md_blend(&player, from, to, MD(0.4));
+      if (!blends) md_switch(&player, to, 1);
+      for (int tick = blends ? 400 : 100; tick; tick--) {
+        int kind = player.blended ? 4 : player.entering >= 0 ? 3 : player.fading ? 1 + !player.found : 0;
         uint32_t cost = step();
         worst[kind] = cost > worst[kind] ? cost : worst[kind];
         sum[kind] += cost, count[kind]++;
       }
     }
-  for (int kind = 0; kind < 4; kind++) {
+  for (int kind = 0; kind < 5; kind++) {
     write_number(names[kind][0], (uint32_t)(sum[kind] / (count[kind] ? count[kind] : 1)));
     write_number(names[kind][1], worst[kind]);
   }

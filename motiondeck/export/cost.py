@@ -9,7 +9,7 @@ from motiondeck_base.errors import MotiondeckError, UnknownNameError
 # Bytes of code; instructions of the worst tick: of any figure, more with each joint, with each joint of a layer, and
 # with each satellite of the largest network, of 20 joints.
 CORES = {
-    "M4F": (19_000, 12_800, 840, 120, 1_400),
+    "M4F": (19_000, 8_000, 1_200, 120, 1_600),
     "M3": (22_400, 184_000, 18_500, 1_100, 10_000),
     "M0+": (26_400, 382_000, 41_800, 2_200, 26_000),
 }
