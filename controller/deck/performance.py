@@ -262,12 +262,9 @@ class Performance:
     def _begin_fade(self, track: Track, onset: float, *motions: Motion) -> None:
         """Fades to the motion of a track, which gets going from the share `onset` of the tempo on."""
         shown, target = (self.posture, self._shown), (track.posture_before, track.posture)
-        self._search = self._searches(
-            partial(difference, shown, target, self._dt, self.tracks.rest_direction),
-            track.ahead(self._tempo, onset),
-            self._skeleton.chain,
-            Bounds.of(motions, FASTEST, 1.0).at(self._tempo),
-        )
+        differ = partial(difference, shown, target, self._dt, self.tracks.rest_direction)
+        bounds = Bounds.of(motions, FASTEST, 1.0).at(self._tempo)
+        self._search = self._searches(differ, track.ahead(self._tempo, onset), self._skeleton.chain, bounds)
         self._fade = Fading(self._search, onset)
 
     def _best_anchor(self, motion: str, before: Posture, now: Posture) -> int:

@@ -48,12 +48,9 @@ class TargetCurve:
         weights, poses = _weights(share), self._poses
         rotations = np.array([pose.rotation for pose in poses])
         sides = np.where(dot(rotations, rotations[-1]) < 0.0, -1.0, 1.0) * weights[:, None]
-        return Pose(
-            weights @ np.array([pose.root_position for pose in poses]),
-            np.asarray(weights @ np.array([pose.heading for pose in poses])),
-            normalise((sides[..., None] * rotations).sum(0)),
-            offsets=poses[-1].offsets,
-        )
+        position = weights @ np.array([pose.root_position for pose in poses])
+        heading = np.asarray(weights @ np.array([pose.heading for pose in poses]))
+        return Pose(position, heading, normalise((sides[..., None] * rotations).sum(0)), offsets=poses[-1].offsets)
 
 
 def _weights(share: float) -> Array:

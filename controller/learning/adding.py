@@ -66,12 +66,9 @@ def add_motion(library: MotionLibrary, path: Path, clip: Clip, motion: MotionRec
             verdict = stress_test(grown, verdict, judge, info.seed)
     described = describe_motion(motion, frames, grown, verdict[motion.name], recipe.network.anchor_every)
     grown_recipe = msgspec.structs.replace(recipe, motions=[*recipe.motions, motion])
-    header = msgspec.structs.replace(
-        info,
-        motions=[*info.motions, described],
-        recipe=msgspec.json.decode(msgspec.json.encode(grown_recipe)),
-        acknowledgement=f"{info.acknowledgement} '{motion.name}' was added from {Path(motion.file).name}.".strip(),
-    )
+    thanks = f"{info.acknowledgement} '{motion.name}' was added from {Path(motion.file).name}.".strip()
+    tree, motions = msgspec.json.decode(msgspec.json.encode(grown_recipe)), [*info.motions, described]
+    header = msgspec.structs.replace(info, motions=motions, recipe=tree, acknowledgement=thanks)
     recorded = recorded_part(own, part.first, part.end, loop=loop, body=part.body)
     added = judged(MotionLibrary(header, grown, library.encoding), {motion.name: lambda: recorded})
     return Addition(added, part)

@@ -137,17 +137,13 @@ def learn(
     kinds = {one.clip.skeleton.is_rig for one in examined}
     if len(kinds) > 1:
         raise MotiondeckError("recordings of bodies and of a robot's joints do not share a library; learn them apart")
-    recipe = check_recipe(
-        LibraryRecipe(
-            name=name,
-            network=network or (PhaseRecipe(piece_seconds=_JOINTS_PIECE) if kinds == {True} else PhaseRecipe()),
-            motions=[one.motion for one in examined],
-            rate=None if any(file.suffix.lower() == ".clip" for file in files) else COMMON_RATE,
-            loop_keeps=LOOP_KEEPS,
-            seeds=list(seeds),
-        ),
-        Path(name),
+    network = network or (PhaseRecipe(piece_seconds=_JOINTS_PIECE) if kinds == {True} else PhaseRecipe())
+    rate = None if any(file.suffix.lower() == ".clip" for file in files) else COMMON_RATE
+    motions = [one.motion for one in examined]
+    recipe = LibraryRecipe(
+        name=name, network=network, motions=motions, rate=rate, loop_keeps=LOOP_KEEPS, seeds=list(seeds)
     )
+    check_recipe(recipe, Path(name))
     clips = {one.motion.name: one.clip for one in examined}
     training_set = prepare(recipe, Path(), progress, lambda motion: clips[motion.name])
     candidates: list[Candidate] = []

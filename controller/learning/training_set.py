@@ -88,14 +88,10 @@ class TrainingSet:
         return Judge(self.encoding, self.frames, self.loops, self.rate, holds=holds)
 
     def _motion(self, normalisation: Normalisation, name: str) -> TrainingMotion:
-        return TrainingMotion(
-            name,
-            normalisation.apply(self.frames[name]),
-            self.loops[name],
-            normalisation.apply(self.before[name]) if name in self.before else None,
-            self._driving(name),
-            tuple(replace(one, frames=normalisation.apply(one.frames)) for one in self.variants.get(name, ())),
-        )
+        scaled = normalisation.apply
+        before = scaled(self.before[name]) if name in self.before else None
+        variants = tuple(replace(one, frames=scaled(one.frames)) for one in self.variants.get(name, ()))
+        return TrainingMotion(name, scaled(self.frames[name]), self.loops[name], before, self._driving(name), variants)
 
     def _driving(self, motion: str) -> DrivingInput | None:
         if motion not in self.variants:

@@ -156,8 +156,8 @@ def run(
                     else:
                         for channel in channels:
                             channel.write(state.tick, targets, source.pose)
-                else:
-                    source.catch_up()
+                elif source.running:  # of a tick that is not written; while joints approach it, the deck waits
+                    source.update()
                 if publish and state.tick % publish_every == 0:
                     publishing.call(publish, state)
                 state.work_ns = clock.now() - began
@@ -174,20 +174,11 @@ def run(
                     break
         except KeyboardInterrupt:
             stop.reason = "stopped at once by a second signal"
+    counters = {"deck": [source.counter], "commands": [commanding], "stops": stopping, "telemetry": [publishing]}
     return LoopReport(
-        rate_hz=state.rate,
-        ticks=state.tick,
-        overruns=state.overruns,
-        skipped=clock.skipped,
-        lateness_us=state.lateness.percentiles(),
-        work_us=state.work.percentiles(),
-        outputs=[channel.report() for channel in channels],
-        reason=stop.reason,
-        faults={
-            "deck": source.counter.faults,
-            "commands": commanding.faults,
-            "stops": sum(counter.faults for counter in stopping),
-            "telemetry": publishing.faults,
-        },
+        rate_hz=state.rate, ticks=state.tick, overruns=state.overruns, skipped=clock.skipped,
+        lateness_us=state.lateness.percentiles(), work_us=state.work.percentiles(),
+        outputs=[channel.report() for channel in channels], reason=stop.reason,
+        faults={name: sum(counter.faults for counter in own) for name, own in counters.items()},
         changed=envelope.changed.tolist(),
-    )
+    )  # fmt: skip

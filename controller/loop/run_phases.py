@@ -83,11 +83,6 @@ class Source:
         if self._before is not None:
             self.targets = self._before(self._latest)
 
-    def catch_up(self) -> None:
-        """Advances the deck by a tick whose targets are not written, unless it waits for an approach."""
-        if self.running:
-            self.update()
-
 
 def safe_targets(
     source: Source,

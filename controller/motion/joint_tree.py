@@ -91,10 +91,8 @@ def clip_of(
     if rests:
         tree = JointTree(*with_legs(tree.names, tree.parent, tree.position, tree.rotation, tree.turns, path))
     body = rest_skeleton(name, _body_of(tree, path), options.unit or unit, options.up or up)
-    decisions = (
-        unit_decision(body.unit, body.other_unit, body.skeleton.leg_length, options.unit, unit),
-        up_decision(body.up, options.up, up),
-    )
+    about_unit = unit_decision(body.unit, body.other_unit, body.skeleton.leg_length, options.unit, unit)
+    decisions = about_unit, up_decision(body.up, options.up, up)
     rotation = continuous(body.rotation)
     clip = Clip(name, body.skeleton, rate, body.position, rotation, Path(path).name, decisions)
     return replace(legs_at_rest(clip), decisions=(RESTS, *decisions)) if rests else clip

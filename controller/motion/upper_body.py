@@ -69,13 +69,10 @@ def with_legs(
     hips = (HALF_HIPS_PER_LEG * leg * aside, -HALF_HIPS_PER_LEG * leg * aside)
     places = np.concatenate([np.cumsum([hip, shank, shank, toes], axis=0) for hip in hips])
     added = [side + name for side in ("Left", "Right") for name in _CHAIN]
-    return (
-        (*names, *added),
-        np.append(parent, [pelvis if joint % 4 == 0 else len(names) + joint - 1 for joint in range(8)]),
-        np.concatenate([position, position[:, [pelvis]] + rotate(rotation[:, [pelvis]], places)], axis=1),
-        np.concatenate([rotation, np.repeat(rotation[:, [pelvis]], 8, axis=1)], axis=1),
-        np.append(turns, [joint % 4 < 3 for joint in range(8)]),
-    )
+    above = np.append(parent, [pelvis if joint % 4 == 0 else len(names) + joint - 1 for joint in range(8)])
+    position = np.concatenate([position, position[:, [pelvis]] + rotate(rotation[:, [pelvis]], places)], axis=1)
+    rotation = np.concatenate([rotation, np.repeat(rotation[:, [pelvis]], 8, axis=1)], axis=1)
+    return (*names, *added), above, position, rotation, np.append(turns, [joint % 4 < 3 for joint in range(8)])
 
 
 def legs_at_rest(clip: Clip) -> Clip:

@@ -46,13 +46,10 @@ class DrivingInput(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     def possible(self) -> bool:
         """Whether there are at least two rising values, each with its time, and the usual one lies among them."""
         numbers = np.array([*self.values, *self.seconds, self.usual])
-        return bool(
-            len(self.values) == len(self.seconds) > 1
-            and np.isfinite(numbers).all()
-            and min(np.diff(self.values)) > 0.0
-            and min(self.seconds) > 0.0
-            and self.values[0] <= self.usual <= self.values[-1]
-        )
+        if not (len(self.values) == len(self.seconds) > 1 and np.isfinite(numbers).all()):
+            return False
+        rising = min(np.diff(self.values)) > 0.0 and min(self.seconds) > 0.0
+        return bool(rising and self.values[0] <= self.usual <= self.values[-1])
 
     def level(self, value: float) -> float:
         """The value as the reservoir gets it, in [-1, 1]; values beyond what was learned count as its ends."""
@@ -106,10 +103,8 @@ class StoredNetwork:
             for axis, letter in enumerate(letters):
                 if letter not in sizes:
                     sizes[letter] = self.stored.size(at + name, axis)
-        return {
-            name: self.stored.take(at + name, *(sizes[letter] for letter in letters), kind=dtype)
-            for name, letters in shapes.items()
-        }
+        shaped = {name: [sizes[letter] for letter in letters] for name, letters in shapes.items()}
+        return {name: self.stored.take(at + name, *shape, kind=dtype) for name, shape in shaped.items()}
 
     def anchors(self, at: str) -> int:
         """The number of stored states of a motion; FileFormatError if they are fewer than FEWEST_ANCHORS."""

@@ -45,11 +45,7 @@ class FadeSearch:
     """
 
     def __init__(
-        self,
-        differ: Callable[[], tuple[Array, Array]],
-        ahead: Callable[[Array], Array],
-        chain: Array,
-        bounds: Bounds,
+        self, differ: Callable[[], tuple[Array, Array]], ahead: Callable[[Array], Array], chain: Array, bounds: Bounds
     ) -> None:
         # The one that was found; until then the best, or, while the longer is the better, the next one to try; None
         # before the first step.

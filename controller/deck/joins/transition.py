@@ -15,7 +15,7 @@ faster than the bone moves. A rate that held this twist would turn the bone with
 it runs out beside the vector, about the bone itself.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
@@ -85,13 +85,9 @@ def displaced(target: Posture, left: Array, turned: float) -> Posture:
     rotation = rot.multiply(rot.from_rotation_vector(rot.rotate(back, left[:parts])), target.rotation)
     if len(left) > parts + 1:
         rotation[1:] = rot.multiply(rotation[1:], rot.from_rotation_vector(left[parts + 1 :]))
-    height, *velocity = left[parts]
-    return replace(
-        target,
-        height=target.height + height,
-        velocity=target.velocity + rot.rotate(back, np.array([*velocity, 0.0]))[:2],
-        rotation=rotation,
-    )
+    height, *drift = left[parts]
+    velocity = target.velocity + rot.rotate(back, np.array([*drift, 0.0]))[:2]
+    return replace(target, height=target.height + height, velocity=velocity, rotation=rotation)
 
 
 def extrapolated(before: Posture, now: Posture, dt: float, rest_direction: Array | None = None) -> Posture:
@@ -105,12 +101,9 @@ def extrapolated(before: Posture, now: Posture, dt: float, rest_direction: Array
     step = _turn(now.rotation, earlier.rotation)
     turned = float(now.turn_rate) * dt
     back = rot.yaw(-turned)
-    return replace(
-        now,
-        height=2.0 * now.height - before.height,
-        velocity=rot.rotate(back, np.append(now.velocity, 0.0))[:2],
-        rotation=rot.multiply(back, rot.multiply(rot.from_rotation_vector(step), now.rotation)),
-    )
+    velocity = rot.rotate(back, np.append(now.velocity, 0.0))[:2]
+    rotation = rot.multiply(back, rot.multiply(rot.from_rotation_vector(step), now.rotation))
+    return replace(now, height=2.0 * now.height - before.height, velocity=velocity, rotation=rotation)
 
 
 def best_anchor(place: Array, velocity: Array, places: Array, velocities: Array, reach: float) -> int:
@@ -124,12 +117,7 @@ def best_anchor(place: Array, velocity: Array, places: Array, velocities: Array,
 
 
 def _side_by_side(first: Posture, second: Posture) -> Posture:
-    return Posture(
-        np.array([first.height, second.height]),
-        np.array([first.velocity, second.velocity]),
-        np.array([first.turn_rate, second.turn_rate]),
-        np.array([first.rotation, second.rotation]),
-    )
+    return Posture(*(np.array([getattr(one, field.name) for one in (first, second)]) for field in fields(Posture)))
 
 
 def _from_now(before: Posture, now: Posture, dt: float) -> Posture:

@@ -97,10 +97,8 @@ class Gap:
 def gaps_of(markers: Array) -> list[Gap]:
     """The gaps of markers (K, M, 3), by their first frames."""
     missing: Flags = np.asarray(np.isnan(markers).any(axis=-1))
-    return sorted(
-        (Gap(m, first, end) for m in range(markers.shape[1]) for first, end in runs(missing[:, m])),
-        key=lambda gap: gap.first,
-    )
+    found = (Gap(m, first, end) for m in range(markers.shape[1]) for first, end in runs(missing[:, m]))
+    return sorted(found, key=lambda gap: gap.first)
 
 
 def fill_missing(markers: Array, rate: float, tick: Callable[[], None] = lambda: None) -> tuple[Array, list[Gap]]:
@@ -151,17 +149,16 @@ def _fill_group(markers: Array, filled: Array, group: list[Gap], rate: float) ->
             continue
         world = part[:, gap.marker]
         body = _turned(world - base, turn)
-        chosen = _choose(known, body, world, hole, gap.frames)
+        from_others, along, share, expected = _choose(known, body, world, hole, gap.frames)
         inside = slice(gap.first - begin, gap.end - begin)
-        found = _fill(known, world, hole, chosen.path)[inside]
-        if chosen.share > 0.0:
-            predicted = _fill(known, body, hole, chosen.others)[inside]
+        found = _fill(known, world, hole, along)[inside]
+        if share > 0.0:
+            predicted = _fill(known, body, hole, from_others)[inside]
             by_others = _turned(predicted, np.swapaxes(turn[inside], 1, 2)) + base[inside]
-            found = chosen.share * by_others + (1.0 - chosen.share) * found
+            found = share * by_others + (1.0 - share) * found
         filled[gap.first : gap.end, gap.marker] = found
-        own = "cubic" if chosen.path.cubic else "line"
-        by = chosen.others.by if chosen.share > 0.5 else own
-        done.append(Gap(gap.marker, gap.first, gap.end, chosen.expected, filled=True, by=by))
+        by = from_others.by if share > 0.5 else "cubic" if along.cubic else "line"
+        done.append(Gap(gap.marker, gap.first, gap.end, expected, filled=True, by=by))
     return done
 
 
@@ -202,23 +199,19 @@ def _predicted(target: Array, rate: float) -> Array:
     return response @ ridge_readout(response, target - middle).T + middle
 
 
-@dataclass(frozen=True)
-class _Mixture:
-    others: FillMethod  # from the other markers
-    path: FillMethod  # along the marker's own path
-    share: float  # of the former
-    expected: float | None  # mean absolute error of both by their shares, a bound on that of the mixture
-
-
-def _choose(known: _Others, body: Array, world: Array, missing: Flags, gap: int) -> _Mixture:
+def _choose(
+    known: _Others, body: Array, world: Array, missing: Flags, gap: int
+) -> tuple[FillMethod, FillMethod, float, float | None]:
     """The methods to fill a gap of some frames, by their errors on hidden intervals of its length, or shorter ones.
 
-    `body` and `world` are the marker's path (K, 3) relative to the other markers and in the world.
+    `body` and `world` are the marker's path (K, 3) relative to the other markers and in the world. The method from the
+    other markers, that along the marker's own path, the share of the former, and the mean absolute error of both by
+    their shares, a bound on that of the mixture.
     """
     longest = max((end - first for first, end in runs(~missing)), default=0)
     length = min(gap, longest - 2 * EDGE)
     if length < 1:
-        return _Mixture(WAYS[0], WAYS[-1], 0.0, None)
+        return WAYS[0], WAYS[-1], 0.0, None
     starts = [k for first, end in runs(~missing) for k in range(first + EDGE, end - length - EDGE + 1)]
     tried = np.unique(np.linspace(0, len(starts) - 1, HIDDEN).astype(int))
     missed = np.zeros((len(WAYS) // 2, 2))
@@ -238,7 +231,7 @@ def _choose(known: _Others, body: Array, world: Array, missing: Flags, gap: int)
     path = int(np.where(own_path, flat, np.inf).argmin())
     both = flat[[others, path]]
     share = float(expit(EAGERNESS * (both[1] - both[0]) / max(both.min(), 1e-9)))
-    return _Mixture(WAYS[others], WAYS[path], share, float(share * both[0] + (1.0 - share) * both[1]))
+    return WAYS[others], WAYS[path], share, float(share * both[0] + (1.0 - share) * both[1])
 
 
 def _fill(known: _Others, path: Array, missing: Flags, way: FillMethod) -> Array:

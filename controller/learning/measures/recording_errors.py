@@ -99,14 +99,10 @@ def recording_error(library: MotionLibrary, motion: str, recorded: RecordedPart)
     joints = np.flatnonzero(recorded.known[1:])
     off, own_off = (1000.0 * np.linalg.norm(places - theirs, axis=-1)[:, 1 + joints] for places in (ours, own_body))
     return RecordingError(
-        from_s=recorded.first,
-        to_s=recorded.end,
-        mm=_errors(off, joints, at),
-        degrees=_errors(_angles(ours, theirs, bones), bones, at),
-        own_body_mm=float(np.quantile(own_off, SHARE)),
-        held_degrees=held,
+        from_s=recorded.first, to_s=recorded.end, held_degrees=held, own_body_mm=float(np.quantile(own_off, SHARE)),
+        mm=_errors(off, joints, at), degrees=_errors(_angles(ours, theirs, bones), bones, at),
         **_feet(_at(played, since * rate), wanted, recorded),
-    )
+    )  # fmt: skip
 
 
 def distances(played: Clip, phase: Array, recorded: RecordedPart) -> Array:
@@ -163,13 +159,9 @@ def _angles(ours: Array, theirs: Array, bones: Indices) -> Array:
 
 def _errors(off: Array, bones: Indices, at: Array) -> Errors:
     frame, joint = np.unravel_index(int(off.argmax()), off.shape)
-    return Errors(
-        median=float(np.median(off)),
-        p95=float(np.quantile(off, SHARE)),
-        worst=float(off.max()),
-        joint=CANONICAL_BONES[bones[joint]],
-        worst_at_s=float(at[frame]),
-    )
+    median, p95, worst = float(np.median(off)), float(np.quantile(off, SHARE)), float(off.max())
+    where = CANONICAL_BONES[bones[joint]]
+    return Errors(median=median, p95=p95, worst=worst, joint=where, worst_at_s=float(at[frame]))
 
 
 def _feet(played: Array, wanted: Array, recorded: RecordedPart) -> dict[str, float]:

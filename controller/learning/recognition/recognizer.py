@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import msgspec
@@ -180,24 +181,20 @@ def load_recognizer(path: Path) -> Recognizer:
     header, stored = read_arrays(path, KIND)
     info = _read_info(path, header)
     classes, neurons, channels = len(info.classes), info.experts.neurons, stored.size("input_weights", axis=1)
-    reservoir = Reservoir(
-        stored.take("weights", neurons, neurons, kind=np.float64),
-        stored.take("input_weights", neurons, channels, kind=np.float64),
-        stored.take("bias", neurons, kind=np.float64),
-        info.experts.leak,
-    )
-    xx = stored.take("xx", classes, neurons, neurons, kind=np.float64)
-    xy = stored.take("xy", classes, neurons, channels, kind=np.float64)
-    count = stored.take("count", classes, kind=np.float64)
+    take = partial(stored.take, kind=np.float64)
+    weights, inputs = take("weights", neurons, neurons), take("input_weights", neurons, channels)
+    reservoir = Reservoir(weights, inputs, take("bias", neurons), info.experts.leak)
+    xx, xy = take("xx", classes, neurons, neurons), take("xy", classes, neurons, channels)
+    count = take("count", classes)
     if info.version == 1:
-        yy = np.tile(stored.take("yy", classes, kind=np.float64)[:, None] / channels, channels)
+        yy = np.tile(take("yy", classes)[:, None] / channels, channels)
     else:
-        yy = stored.take("yy", classes, channels, kind=np.float64)
+        yy = take("yy", classes, channels)
     models: ModelSpace | None = None
     if info.version > 2:
         read = neurons // info.experts.groups * info.experts.groups
         weights = stored.take("model_weights", classes, read * channels)
-        models = ModelSpace(weights, stored.take("model_offset", classes, kind=np.float64))
+        models = ModelSpace(weights, take("model_offset", classes))
     stored.finish()
     if (count <= 0.0).any() or (yy < 0.0).any():
         raise FileFormatError(f"{path}: a class was trained on nothing")

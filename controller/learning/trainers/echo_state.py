@@ -72,21 +72,14 @@ def learn_readouts(
     for j, motion in enumerate(to_learn):
         learned, wanted = zip(*(runs[j] or [(quiet[j][first[j] :], motion.frames)]), strict=True)
         anchors = slice(first[j], None, recipe.anchor_every)
-        motions[motion.name] = EchoStateMotion(
-            ridge(np.concatenate(learned, dtype=np.float64), np.concatenate(wanted), recipe.ridge).astype(np.float32),
-            quiet[j][anchors].copy(),
-            targets[j][anchors].astype(np.float32),
-        )
+        readout = ridge(np.concatenate(learned, dtype=np.float64), np.concatenate(wanted), recipe.ridge)
+        begins, outputs = quiet[j][anchors].copy(), targets[j][anchors].astype(np.float32)
+        motions[motion.name] = EchoStateMotion(readout.astype(np.float32), begins, outputs)
     return motions
 
 
 FACTORS = (1.0, 2.0, 0.4, 1.4)
 """Factors on the recipe's state noise, in the order of the trials; with 1 it is drawn anew."""
-
-# Trials of a motion. A loop that survives noise in every step survives a wrong start too; a one-shot always loses its
-# phase under such noise.
-LOOP: tuple[Kind, ...] = ("stability",)
-ONCE: tuple[Kind, ...] = ("robustness",)
 
 
 class EchoStateTrainer(Trainer[EchoStateRecipe]):
@@ -113,7 +106,9 @@ class EchoStateTrainer(Trainer[EchoStateRecipe]):
         left: dict[str, int] = {}
         reservoir = Reservoir(network.weights, network.feedback, network.bias, network.leak)
         for motion in lessons.motions:
-            kinds = LOOP if motion.loop else ONCE
+            # A loop that survives noise in every step survives a wrong start too; a one-shot always loses its phase
+            # under such noise.
+            kinds: tuple[Kind, ...] = ("stability",) if motion.loop else ("robustness",)
             fewest = failures(network, motion.name, kinds, judge, seed)
             for attempt, factor in enumerate(FACTORS):
                 if fewest == 0:

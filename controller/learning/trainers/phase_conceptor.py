@@ -138,18 +138,16 @@ def _learn_piece(lesson: PieceLesson, recipe: PhaseRecipe, sums: RidgeSums | Non
     return replace(piece, estimate=estimate.astype(np.float32).astype(np.float16)[None])
 
 
+# Neurons and ranks.
+_SIZES = (80, 20), (110, 25), (150, 28), (200, 32), (250, 36), (300, 40), (360, 46), (440, 54), (540, 62), (660, 72)
+
+
 class PhaseConceptorTrainer(PhaseDrivenTrainer[PhaseRecipe]):
     """Trains phase-driven conceptors."""
 
     recipe = PhaseRecipe
     plays = PhaseConceptorNetwork
-    sizes = tuple(
-        {"neurons": neurons, "rank": rank}
-        for neurons, rank in (
-            *((80, 20), (110, 25), (150, 28), (200, 32), (250, 36)),
-            *((300, 40), (360, 46), (440, 54), (540, 62), (660, 72)),
-        )
-    )
+    sizes = tuple({"neurons": neurons, "rank": rank} for neurons, rank in _SIZES)
 
     def unread(
         self,

@@ -44,10 +44,8 @@ class SharedConceptorTrainer(PhaseConceptorTrainer):
 
     recipe = SharedConceptorRecipe
     plays = SharedConceptorNetwork
-    sizes = tuple(
-        {"neurons": neurons, "rank": rank}
-        for neurons, rank in ((300, 40), (400, 48), (550, 56), (750, 65), (1000, 75), (1400, 90))
-    )
+    _sizes = (300, 40), (400, 48), (550, 56), (750, 65), (1000, 75), (1400, 90)
+    sizes = tuple({"neurons": neurons, "rank": rank} for neurons, rank in _sizes)
 
     def learn_all(self, recipe: Any, lessons: Lessons, reservoir: PhaseReservoir) -> dict[str, Any]:
         channels = lessons.motions[0].frames.shape[1]

@@ -58,11 +58,9 @@ class Landmarks:
 
 def is_canonical(skeleton: Skeleton) -> bool:
     """Whether a skeleton is the canonical body, of any proportions and with its root anywhere in the pelvis."""
-    return (
-        skeleton.bones == CANONICAL_BONES
-        and tuple(skeleton.parent.tolist()) == JAEGER_PARENT
-        and np.allclose(skeleton.rest_direction[_OTHERS], np.array(JAEGER_REST)[_OTHERS], atol=1e-6)
-    )
+    if skeleton.bones != CANONICAL_BONES or tuple(skeleton.parent.tolist()) != JAEGER_PARENT:
+        return False
+    return np.allclose(skeleton.rest_direction[_OTHERS], np.array(JAEGER_REST)[_OTHERS], atol=1e-6)
 
 
 def landmarks_of(skeleton: Skeleton, joints: Array | None = None) -> Landmarks:

@@ -81,10 +81,8 @@ def _fields(path: str | Path) -> tuple[str, Array, Array]:
     data_fields = (name for name in there if name.startswith("nnRawData") and name.isascii() and name.isidentifier())
     pattern = next(data_fields, "").removeprefix("nnRawData")
     found: list[Array] = []
-    for name, columns in (
-        (f"nnRawData{pattern}", FIRST_BONE + 3 * len(JAEGER_BONES)),
-        (f"segLengths{pattern}", len(JAEGER_BONES)),
-    ):
+    wanted = {f"nnRawData{pattern}": FIRST_BONE + 3 * len(JAEGER_BONES), f"segLengths{pattern}": len(JAEGER_BONES)}
+    for name, columns in wanted.items():
         if name not in there:
             raise FileFormatError(
                 f"{path}: there is no field '{name}' (there are: {listed(there) or 'none'}). "

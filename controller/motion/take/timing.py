@@ -103,13 +103,11 @@ def _with_gaps(step: Array, rate: float) -> Timing | None:
     missing = np.zeros(len(step), dtype=np.int64)
     missing[1:-1][gaps] = np.maximum(1, np.rint(times[gaps]).astype(np.int64) - 1)
     at = np.concatenate([[0], np.cumsum(1 + missing)])
-    figures = (
-        f"at {np.flatnonzero(missing)[0] / rate:.2f} s"
-        + (f" and {counted(int((missing > 0).sum()) - 1, 'more time')}" if (missing > 0).sum() > 1 else "")
-        + f" all joints step {float(times[gaps].max()):.1f} times as far as before and after"
-    )
+    first, *others = np.flatnonzero(missing).tolist()
+    more = f" and {counted(len(others), 'more time')}" if others else ""
+    farthest = f"all joints step {float(times[gaps].max()):.1f} times as far as before and after"
     decided = f"{counted(int(missing.sum()), 'missing frame')} filled in"
-    return Timing(np.arange(len(at)), at.astype(float), rate, decided, figures)
+    return Timing(np.arange(len(at)), at.astype(float), rate, decided, f"at {first / rate:.2f} s{more} {farthest}")
 
 
 def _as_those_beside(step: Array, rate: float) -> tuple[Flags, Array, Array]:

@@ -64,12 +64,9 @@ class PackedWeights:
     def of(cls, weights: LowRankWeights) -> Self:
         """Weights as they are stored, rounded to single precision."""
         there, used = weights.shares != 0.0, weights.used
-        return cls(
-            np.packbits(there.ravel()),
-            weights.shares[there].astype(np.float32),
-            used,
-            weights.curves[np.arange(weights.curves.shape[1]) < used[:, None]].astype(np.float32),
-        )
+        filled = np.arange(weights.curves.shape[1]) < used[:, None]
+        shares, curves = weights.shares[there].astype(np.float32), weights.curves[filled].astype(np.float32)
+        return cls(np.packbits(there.ravel()), shares, used, curves)
 
     def unpack(self, channels: int, satellites: int) -> LowRankWeights:
         """The weights; MotiondeckError if there are more or fewer numbers than flags and counts ask for."""

@@ -113,11 +113,8 @@ def _stored_weights(stored: StoredNetwork, at: str, sizes: dict[str, int]) -> Ar
     if at + "nonzero" not in stored.stored:
         return stored.read(at, sizes, np.float64, weights="cm")["weights"]
     own: dict[str, int] = {}
-    packed = PackedWeights(
-        **stored.read(at, own, np.uint8, nonzero="b"),
-        **stored.read(at, own, np.int32, used="r"),
-        **stored.read(at, own, shares="s", curves="v"),
-    )
+    flags, used = stored.read(at, own, np.uint8, nonzero="b"), stored.read(at, own, np.int32, used="r")
+    packed = PackedWeights(**flags, **used, **stored.read(at, own, shares="s", curves="v"))
     try:
         return packed.unpack(sizes["c"], sizes["m"])
     except MotiondeckError as error:

@@ -119,11 +119,8 @@ class ModuleDesign:
         highs, lows = ratio[1:-1][turn < 0], ratio[1:-1][turn > 0]
         if len(self) == 1:
             return Window(0.0, np.inf, 0.0)
-        return Window(
-            float(lows[: len(self) - 1].max()) / self.decay,
-            float(highs[: len(self) - 1].min()) / self.decay,
-            float(highs.max()) / self.decay,
-        )
+        ends = lows[: len(self) - 1].max(), highs[: len(self) - 1].min(), highs.max()
+        return Window(*(float(end) / self.decay for end in ends))
 
 
 @lru_cache(maxsize=32)

@@ -69,12 +69,8 @@ def random_reservoir(
         raise MotiondeckError(f"rng is {rng!r}; give a generator: numpy.random.default_rng(SEED)")
     weights = rng.uniform(-1.0, 1.0, (neurons, neurons))
     weights *= spectral_radius / largest_eigenvalue(weights, rng)
-    return Reservoir(
-        weights=weights,
-        input_weights=input_scale * rng.uniform(-1.0, 1.0, (neurons, inputs)),
-        bias=bias_scale * rng.uniform(-1.0, 1.0, neurons),
-        leak=leak,
-    )
+    input_weights = input_scale * rng.uniform(-1.0, 1.0, (neurons, inputs))
+    return Reservoir(weights, input_weights, bias_scale * rng.uniform(-1.0, 1.0, neurons), leak)
 
 
 def largest_eigenvalue(weights: Array, rng: np.random.Generator) -> float:
@@ -83,14 +79,9 @@ def largest_eigenvalue(weights: Array, rng: np.random.Generator) -> float:
         from scipy.sparse.linalg import ArpackError, eigs  # slow to import, and nothing that plays needs it
 
         try:
-            found = eigs(
-                weights,
-                k=6,
-                ncv=60,
-                tol=1e-4,  # pyright: ignore[reportArgumentType] (scipy's default 0 misleads it)
-                v0=rng.standard_normal(len(weights)),
-                return_eigenvectors=False,
-            )
+            tolerance: Any = 1e-4  # scipy's default 0 misleads pyright
+            start = rng.standard_normal(len(weights))
+            found = eigs(weights, k=6, ncv=60, tol=tolerance, v0=start, return_eigenvectors=False)
             return float(np.abs(found).max())
         except ArpackError:
             pass

@@ -83,15 +83,9 @@ def read_asf(path: str | Path, unit: float | None = None) -> AcclaimSkeleton:
     skeleton = Skeleton(Path(path).stem, tuple(names), parents, rest, length)
     dof = [_channels(root["order"], ROTATIONS + TRANSLATIONS)]
     dof += [_channels(bones[name]["dof"], ROTATIONS) if "dof" in bones[name] else () for name in names]
-    return AcclaimSkeleton(
-        skeleton=skeleton,
-        axis=np.array([IDENTITY, *(_axis(bones[name].get("axis"), angle_unit) for name in names)]),
-        dof=tuple(dof),
-        root_position=from_acclaim(root["position"].numbers(3) if "position" in root else np.zeros(3)) * length_unit,
-        length_unit=length_unit,
-        angle_unit=angle_unit,
-        source=Path(path).name,
-    )
+    axis = np.array([IDENTITY, *(_axis(bones[name].get("axis"), angle_unit) for name in names)])
+    position = from_acclaim(root["position"].numbers(3) if "position" in root else np.zeros(3)) * length_unit
+    return AcclaimSkeleton(skeleton, axis, tuple(dof), position, length_unit, angle_unit, Path(path).name)
 
 
 def _sections(path: str | Path) -> dict[str, list[Line]]:

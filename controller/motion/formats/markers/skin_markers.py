@@ -132,10 +132,8 @@ def _leg(seen: Landmarks, side: str, sign: float, ahead: Array) -> dict[str, Arr
     foot = ahead if toes is None else toes - seen.get(("heel", side), ankle)
     # Down the shank cross along the foot points to the right.
     inwards = sign * normalise(cross(ankle - knee, foot))
-    joints = {
-        side + "kne": _centre(seen, "knee", side, KNEE * inwards),
-        side + "ank": _centre(seen, "ankle", side, ANKLE * inwards),
-    }
+    joints = {side + "kne": _centre(seen, "knee", side, KNEE * inwards)}
+    joints[side + "ank"] = _centre(seen, "ankle", side, ANKLE * inwards)
     return joints if toes is None else joints | {side + "foo": toes}
 
 
