@@ -9,6 +9,7 @@ import viser
 
 from controller.wire.command_socket import CommandClient
 from controller.wire.messages.replies import Event
+from motiondeck.page.against_recording import AgainstRecordings
 from motiondeck.page.bodies import Bodies
 from motiondeck.page.body.body_push import BodyPush
 from motiondeck.page.body.live_marks import LiveForces, LiveSteps
@@ -16,13 +17,11 @@ from motiondeck.page.event_log import EventLog
 from motiondeck.page.event_looks import LOOKS, ROUTINE
 from motiondeck.page.learning.hand_recorder import HandRecorder
 from motiondeck.page.learning.learn_panel import LearnPanel
-from motiondeck.page.network.against_recording import AgainstRecordings
 from motiondeck.page.network.network_view import NetworkView
 from motiondeck.page.network.side_by_side import add_side_by_side
 from motiondeck.page.panel import Panel
 from motiondeck.page.past import Past
-from motiondeck.page.plots.history import History
-from motiondeck.page.plots.plots import add_plots
+from motiondeck.page.plots import History, add_plots
 from motiondeck.page.rig.rig_panel import RigPanel
 from motiondeck.page.rig.servo_look import JointGlow
 from motiondeck.page.rig.servo_tables import query_servos

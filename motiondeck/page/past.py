@@ -39,7 +39,8 @@ class Past:
 
     def moment(self, client: int) -> float | None:
         """The time that a browser looks back to, s; None for one that sees what happens now."""
-        return self._moments[client][0] if client in self._moments else None
+        look = self._moments.get(client)
+        return look and look[0]
 
     def call_back(self) -> None:
         """Has every browser see what happens now."""
@@ -75,6 +76,7 @@ class Past:
             if before[0] != view:
                 _clear(client)
                 bodies = self._bodies.twin(client)
+                self._bodies.scene.suit(client)  # its floor and shadows went with the others' bodies
                 for name in NOW_ALONE:
                     client.scene.add_frame(name, show_axes=False, visible=False)
             bodies.show(picture.arrays, view, centre)

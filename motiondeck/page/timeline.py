@@ -7,7 +7,7 @@ from operator import itemgetter
 
 from controller.wire.messages.replies import Event
 from motiondeck.page.event_looks import LOOKS, ROUTINE
-from motiondeck.page.plots.history import SECONDS
+from motiondeck.page.plots import SECONDS
 from motiondeck.page.web.page_state import Picture
 from motiondeck.page.web.parts import Heard, PageParts
 

@@ -13,7 +13,11 @@ from motiondeck_base.errors import MotiondeckError
 
 POINTS = 100  # of a round of a loop, or of a whole one-shot
 NEURONS = 100  # of most variance are sent
-_loaded = lru_cache(4)(load_library)
+
+
+@lru_cache(4)
+def _loaded(file: Path, written_ns: int) -> MotionLibrary:  # loaded anew once it has been written anew
+    return load_library(file)
 
 
 def course(library: MotionLibrary, motion: str) -> dict[str, Any]:
@@ -42,8 +46,8 @@ def add_side_by_side(parts: PageParts, network: Path, folder: Path) -> None:
         match said:
             case [str(side), str(library), str(motion)] if event.client and side in sides and library in files:
                 try:
-                    found = course(_loaded(files[library]), motion)
-                except MotiondeckError as error:  # the file has been replaced by something else
+                    found = course(_loaded(files[library], files[library].stat().st_mtime_ns), motion)
+                except (MotiondeckError, OSError) as error:  # the file has been replaced by something else
                     found = {"reason": str(error)}
                 sides[side].show(event.client, found)
 

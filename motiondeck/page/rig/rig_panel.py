@@ -49,8 +49,8 @@ class RigPanel:
             return looks
         columns = servos.goals, servos.positions, servos.currents, servos.temperatures, servos.voltages, servos.torque
         rows = [
-            [*(_number(column[place], 3) for column in columns), look.level, look.words]
-            for place, look in enumerate(looks)
+            [*(value if np.isfinite(value) else None for value in values), look.level, look.words]
+            for values, look in zip(np.round(columns, 3).T.tolist(), looks, strict=True)
         ]
         self._cards.show({"servos": rows, "chosen": self._chosen})
         self._off = looks[self._chosen].level == "off"
@@ -79,10 +79,6 @@ class RigPanel:
         choice = said.get("choose") if isinstance(said, dict) else None
         if isinstance(choice, int) and 0 <= choice < len(self._servos):
             self._chosen = choice
-
-
-def _number(value: float, digits: int) -> float | None:
-    return round(float(value), digits) if np.isfinite(value) else None
 
 
 def _summary(servos: Sequence[ServoDescription], looks: Sequence[ServoLook]) -> str:

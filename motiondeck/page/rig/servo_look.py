@@ -18,7 +18,7 @@ from motiondeck.page.web.private_page import PrivatePage
 LATE, LATE_FOR = 0.15, 0.5  # rad that a joint may be behind its goal, and for how long, s, before it counts as late
 
 _WARNINGS = ("was cut off", "has a low supply voltage", "is getting hot", "gives way", "does not follow")
-_LEVELS = dict.fromkeys(_WARNINGS, "warn") | {"is off on command": "off"}
+_LEVELS = dict.fromkeys((*_WARNINGS, "is late"), "warn") | {"is off on command": "off", "ok": "ok"}
 COLOURS = {"ok": (43, 138, 62), "warn": (247, 103, 7), "bad": (194, 37, 120), "off": (134, 142, 150)}
 
 
@@ -45,13 +45,9 @@ class ServoLooks:
         near = np.abs(servos.goals - servos.positions) < LATE
         self._on_time[near | np.isinf(self._on_time)] = now
         late = now - self._on_time > LATE_FOR
-        return [self._look(int(place), bool(lags)) for place, lags in zip(conditions, late, strict=True)]
-
-    def _look(self, place: int, late: bool) -> ServoLook:
-        words = self._words[place]
-        if place == 0:
-            return ServoLook("warn", "is late") if late else ServoLook("ok", "ok")
-        return ServoLook(_LEVELS.get(words, "bad"), words)
+        well = np.where(late, "is late", "ok").tolist()
+        said = [self._words[int(place)] if place else word for place, word in zip(conditions, well, strict=True)]
+        return [ServoLook(_LEVELS.get(words, "bad"), words) for words in said]
 
 
 RADIUS = 0.08  # in heights of the robot; a knee's servos and brackets hide a smaller one

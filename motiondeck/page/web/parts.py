@@ -8,6 +8,7 @@ import html
 import json
 from collections.abc import Callable
 from pathlib import Path
+from threading import Lock, Thread
 from typing import Any
 
 import viser
@@ -65,14 +66,19 @@ class OwnPart:
     """A part with another state in each browser, where the page's widgets are being added."""
 
     def __init__(self, parts: "PageParts", name: str, heard: Heard | None = None) -> None:
-        self._name, self._of = name, dict[int, Part]()
+        self._name, self._of, self._lock = name, dict[int, Part](), Lock()
         parts.add(name, name, heard=heard)
+
+        @parts.page.on_client_disconnect
+        def _(client: viser.ClientHandle) -> None:
+            self._of.pop(client.client_id, None)
 
     def show(self, client: viser.ClientHandle, state: Any) -> None:
         """Shows a state of any JSON values in one browser."""
-        if (number := client.client_id) not in self._of:
-            self._of[number] = Part(self._name, client.gui.add_html(""))
-        self._of[number].show(state)
+        with self._lock:  # answers to one browser may come in two threads
+            part = self._of.get(client.client_id) or Part(self._name, client.gui.add_html(""))
+            self._of[client.client_id] = part
+            part.show(state)
 
 
 class PageParts:
@@ -80,7 +86,7 @@ class PageParts:
 
     def __init__(self, page: PrivatePage) -> None:
         """Puts the scripts on the page; call it where a hidden line of the panel does not matter."""
-        self._gui, self._page = page.gui, page
+        self._gui, self.page = page.gui, page
         self._heard: dict[str, Heard] = {"views": self._view}
         scripts = [(SCRIPTS / "parts.js").read_text("utf-8")]
         scripts += [file.read_text("utf-8") for file in sorted(SCRIPTS.glob("*.js")) if file.name != "parts.js"]
@@ -99,7 +105,7 @@ class PageParts:
         """Adds a part that a script of this kind draws, where the page's widgets are being added; the name is unique.
 
         What does not change is `fixed`, any JSON values, in the element's `data-fixed`. What it sends, and viser's
-        event, which knows the browser, are passed to `heard`, from a thread of viser's.
+        event, which knows the browser, are passed to `heard`, in a new thread.
         """
         about = html.escape(json.dumps(fixed or {}, separators=(",", ":")))
         self._gui.add_html(f'<div id="{name}" class="part" data-part="{kind}" data-fixed="{about}"></div>')
@@ -112,9 +118,10 @@ class PageParts:
         match said:
             case {"dark": bool(dark), "whole": bool(whole)} if event.client is not None:
                 event.client.gui.configure_theme(**THEME, dark_mode=dark)
-                self._page.suit(event.client, (dark, whole))
+                self.page.suit(event.client, (dark, whole))
 
-    def _hear(self, event: viser.GuiEvent) -> None:
+    # The field is all browsers' own: only a coroutine finds in it what the browser of its event has sent.
+    async def _hear(self, event: viser.GuiEvent) -> None:
         # What this program sets reports no client.
         text = str(self._events.value)
         if event.client is None or len(text) > MOST_CHARACTERS:
@@ -125,4 +132,4 @@ class PageParts:
         except (ValueError, TypeError):
             return  # not from a part of ours
         if heard is not None:
-            heard(value, event)
+            Thread(target=heard, args=(value, event), daemon=True).start()

@@ -12,7 +12,7 @@ from test_viewer import PATIENCE, FakeDeck, end, reachable, start
 
 from controller.wire.messages.deck_snapshot import DeckSnapshot
 from hardware.rig.supervision.servo_states import ServoStates
-from motiondeck.page.plots.history import MOST_POINTS, PICTURES, History
+from motiondeck.page.plots import MOST_POINTS, PICTURES, History
 from motiondeck.page.web.page_state import PageDescription, Picture, PictureArrays, RigDescription, ServoDescription
 from sim.models.mannequin.mannequin import build_mannequin
 from simulated_bodies import human

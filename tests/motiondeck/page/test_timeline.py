@@ -1,20 +1,30 @@
 """The timeline: what it keeps, and what it shows of the past."""
 
 import re
-from contextlib import nullcontext
+from contextlib import contextmanager, nullcontext
 from types import SimpleNamespace
 
+import msgspec
 import numpy as np
 import pytest
+import viser
+import websockets.sync.client
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from controller.wire.messages.deck_snapshot import DeckSnapshot
 from controller.wire.messages.replies import Event
+from motiondeck.page.bodies import Bodies as DrawnBodies
 from motiondeck.page.bodies import View
 from motiondeck.page.past import Past
+from motiondeck.page.scene import DARK, Scene
 from motiondeck.page.timeline import SECONDS, Timeline
 from motiondeck.page.web.page_state import Picture, PictureArrays
+from motiondeck.page.web.parts import PageParts
+from motiondeck.page.web.private_page import PrivatePage
+from sim.models.mannequin.mannequin import build_mannequin
+from simulated_bodies import human
+from waiting import free_port, until
 
 VIEW = View("off", target=False, network=False, steps=False, forces=False, follows=False)
 
@@ -22,12 +32,44 @@ VIEW = View("off", target=False, network=False, steps=False, forces=False, follo
 class Parts:
     """Stands in for the page, and keeps what is shown."""
 
+    page = SimpleNamespace(on_client_disconnect=lambda leave: None)
+
     def add(self, kind, name, heard=None):
         self.heard = heard
         return self
 
     def show(self, state):
         self.state = state
+
+
+@contextmanager
+def connected(page):
+    """A browser that draws nothing, as its page knows it."""
+    camera = {
+        "wxyz": (1.0, 0.0, 0.0, 0.0),
+        "position": (1.0, 0.0, 0.0),
+        "look_at": (0.0,) * 3,
+        "up_direction": (0.0, 0.0, 1.0),
+    }
+    camera |= {
+        "type": "ViewerCameraMessage",
+        "fov": 1.0,
+        "near": 0.1,
+        "far": 10.0,
+        "image_height": 768,
+        "image_width": 1366,
+    }
+    link = websockets.sync.client.connect(
+        page.address.replace("http", "ws"),
+        subprotocols=[websockets.Subprotocol(f"viser-v{viser.__version__}")],
+        origin=websockets.Origin(page.address),
+        max_size=None,
+        compression=None,
+    )
+    with link:
+        link.send(msgspec.msgpack.encode(camera))
+        until(page.get_clients, "the browser")
+        yield next(iter(page.get_clients().values()))
 
 
 def picture(now):
@@ -144,3 +186,23 @@ def test_a_browser_sees_the_past_that_it_asked_for_alone_until_it_is_called_back
                 assert bool(client.alone) == (other in moments)
                 if other in moments:
                     assert client.twins[-1].drawn[-1] == moments[other]
+
+
+def test_a_dark_browser_that_looks_back_sees_the_past_as_dark():
+    page = PrivatePage(free_port(), "test")
+    try:
+        body = Scene(page, build_mannequin(human()).compile())
+        past = Past(PageParts(page), DrawnBodies(body, None, None, None))
+        with connected(page) as client:
+            body.suit(client, (True, False))
+            nodes = client.scene._handle_from_node_name
+            shown = Picture(DeckSnapshot(motion="walk"), PictureArrays(body.data.qpos))
+            past.timeline.keep(shown, "walk", 1.0)
+            past.look(client.client_id, 1.0)
+            past.show({client.client_id: client}, VIEW, np.zeros(2), 1.0)
+            assert past.moment(client.client_id) == 1.0
+            assert [nodes[f"/floor/{parity}"].color for parity in range(2)] == [*DARK[1]]
+            assert not any(nodes[f"/shadow{whose}"].visible for whose in ("", " follower", " human"))
+            assert all(node.visible for name, node in nodes.items() if name.startswith("/robot/"))
+    finally:
+        page.stop()

@@ -8,11 +8,11 @@ import pytest
 from bodies import waving
 from controller.deck.motion_generator import MotionGenerator
 from controller.learning.learn import learn
-from controller.library.motion_library import save_library
+from controller.library.motion_library import load_library, save_library
 from controller.motion.formats.writing import bvh_text
 from controller.motion.rotations import from_rotation_vector, multiply
 from controller.motion.skeleton import walk_path
-from motiondeck.page.network.against_recording import NAMES, AgainstRecordings
+from motiondeck.page.against_recording import NAMES, AgainstRecordings
 from motiondeck.page.network.side_by_side import POINTS, add_side_by_side, course
 from motiondeck.page.web.parts import PageParts
 from motiondeck.page.web.private_page import PrivatePage
@@ -79,6 +79,33 @@ def test_a_course_is_what_the_network_plays():
     assert (found["motion"], found["motions"]) == ("walk", list(shipped().network.motions))
     np.testing.assert_allclose(np.transpose(found["outputs"]), played(shipped(), "walk"), atol=6e-4)
     assert {len(values) for values in found["neurons"].values()} == {POINTS}
+
+
+def test_nothing_is_said_of_a_motion_that_a_replaced_library_does_not_have():
+    one = SimpleNamespace(motions=["gone"], derived={}, column=None, block=None)
+    assert np.isnan(looked(one, find_library("thesis15"), shipped().skeleton)).all()
+
+
+@pytest.mark.thorough
+def test_of_a_library_that_was_learned_anew_the_new_motions_are_drawn(tmp_path):
+    said, shown = {}, SimpleNamespace(content="")
+
+    def add(kind, name, fixed=None, heard=None):
+        said[name] = heard
+        return SimpleNamespace(show=lambda state: None)
+
+    file = tmp_path / "some.safetensors"
+    client = SimpleNamespace(client_id=1, gui=SimpleNamespace(add_html=lambda content: shown))
+    parts = SimpleNamespace(add=add, page=SimpleNamespace(on_client_disconnect=lambda leave: None))
+    add_side_by_side(parts, file, tmp_path)
+    for name in ("thesis15", "cmu86"):
+        file.write_bytes(find_library(name).read_bytes())
+        said["side-by-side"](["left", "", ""], SimpleNamespace(client=client))
+        for motion in load_library(file).network.motions:
+            assert f"&quot;{motion}&quot;" in shown.content
+    file.unlink()
+    said["side-by-side"](["left", "", ""], SimpleNamespace(client=client))
+    assert "reason" in shown.content
 
 
 @pytest.mark.thorough

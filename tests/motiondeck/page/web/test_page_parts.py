@@ -1,8 +1,16 @@
 """The page's own parts in a browser: keys while a field has the focus, and names in the strip of the last minutes."""
 
+import asyncio
+import gc
+import inspect
+import json
+import weakref
+from threading import Thread
+from types import SimpleNamespace
+
 import pytest
 
-from motiondeck.page.web.parts import PageParts
+from motiondeck.page.web.parts import OwnPart, PageParts
 from motiondeck.page.web.private_page import PrivatePage
 from waiting import free_port, until
 
@@ -84,3 +92,67 @@ def test_recognition_says_what_is_wrong_and_nothing_of_names_is_taken_for_html(b
     finally:
         tab.close()
         page.stop()
+
+
+class Listener:
+    """Stands in for the page, whose text field has what any browser has sent last."""
+
+    def __init__(self):
+        self.gui, self.value, self.leave = self, "", []
+
+    def add_html(self, content):
+        return SimpleNamespace(content=content)
+
+    def add_text(self, *_):
+        return self
+
+    def on_update(self, heard):
+        self.heard = heard
+
+    def on_client_disconnect(self, leave):
+        self.leave.append(leave)
+
+
+def test_what_two_browsers_send_at_once_is_heard_as_of_the_one_that_sent_it():
+    page, heard, left = Listener(), {}, []
+    PageParts(page).add("any", "any", heard=lambda said, event: heard.update({said: event.client}))
+
+    async def send():
+        for client in ("one", "two"):
+            page.value, event = json.dumps(["any", f"of {client}", ""]), SimpleNamespace(client=client)
+            if inspect.iscoroutinefunction(page.heard):  # viser awaits it before it takes another event
+                await page.heard(event)
+            else:  # and leaves it to a thread otherwise
+                left.append(event)
+
+    sending = Thread(target=lambda: asyncio.run(send()))  # elsewhere, as the browser's tests have a loop here
+    sending.start()
+    sending.join()
+    for event in left:
+        page.heard(event)
+    until(lambda: len(heard) == 2, "both browsers")
+    assert heard == {"of one": "one", "of two": "two"}
+
+
+class Widgets:
+    """Those of one browser."""
+
+    def __init__(self, number):
+        self.client_id, self.gui, self.content = number, self, ""
+
+    def add_html(self, content):
+        return self
+
+
+def test_a_browser_that_has_left_is_forgotten():
+    page = Listener()
+    part = OwnPart(PageParts(page), "any")
+    alive = weakref.WeakSet()
+    for number in range(3):
+        alive.add(client := Widgets(number))
+        part.show(client, 1)
+    for leave in page.leave:
+        leave(client)
+    del client
+    gc.collect()
+    assert {client.client_id for client in alive} == {0, 1}

@@ -13,7 +13,7 @@ from controller.library.motion_library import load_library
 from controller.motion.clip import AS_FOUND, Clip
 from controller.motion.rotations import Array, Indices
 from controller.motion.skeleton import Skeleton, SkeletonInfo
-from motiondeck.page.plots.history import History
+from motiondeck.page.plots import History
 from motiondeck_base.errors import MotiondeckError
 
 if TYPE_CHECKING:
@@ -54,7 +54,7 @@ class AgainstRecordings:
         from controller.learning.recording_analysis import find_skeleton
         from controller.learning.training_set import read_motion
 
-        with suppress(MotiondeckError):  # a library or a recording that is another one by now
+        with suppress(MotiondeckError, StopIteration):  # a library or a recording that is another one by now
             library = load_library(self._library)
             info = next(one for one in library.info.motions if one.name == motion)
             plan = next(one for one in recipe_of(library.info.recipe, self._library).motions if one.name == motion)

@@ -1,1 +1,0 @@
-"""Curves of a run over time: joints, servos, loop, bus and neurons, as each browser chooses them."""
