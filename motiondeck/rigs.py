@@ -143,8 +143,7 @@ def open_rig(name: str | Path, servos: Servos = "real", ports: Sequence[str] = (
             in this process without a port or waiting, for tests and fast trials.
         ports: in place of the rig file's own, for real servos.
     """
-    if servos not in SERVOS:
-        raise UnknownNameError.among("kind of servos", servos, SERVOS)
+    UnknownNameError.check("kind of servos", servos, SERVOS)
     file = find_rig(name)
     config = load_rig(file)
     lines = dict[str, SimulatedPort]()

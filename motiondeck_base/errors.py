@@ -1,6 +1,6 @@
 """The errors that a user can cause: one clear line each, with the place and the remedy."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Self
@@ -55,9 +55,14 @@ class UnknownNameError(MotiondeckError):
         return cls(f"unknown {kind} '{name}'." + (did_you_mean(name, names) or f" There are: {', '.join(names)}."))
 
     @classmethod
-    def indices(cls, kind: str, names: Iterable[str], known: Sequence[str]) -> list[int]:
+    def check(cls, kind: str, name: str, known: Collection[str], place: str = "") -> None:
+        """Raises the error, behind a place such as "rig.toml: ", for a name that is not among those known."""
+        if name not in known:
+            raise cls(f"{place}{cls.among(kind, name, known)}")
+
+    @classmethod
+    def indices(cls, kind: str, names: Iterable[str], known: Sequence[str], place: str = "") -> list[int]:
         """Where names are among those known; the error for one that is not."""
         for name in names:
-            if name not in known:
-                raise cls.among(kind, name, known)
+            cls.check(kind, name, known, place)
         return [known.index(name) for name in names]

@@ -318,8 +318,7 @@ class Deck(Lockable):
         return LoopPlace(time, here.name, phase, here.seconds, here.loop, self.commanded_tempo, alone)
 
     def _check(self, motion: str) -> None:
-        if motion not in self.motions:
-            raise UnknownNameError.among("motion", motion, self.motions)
+        UnknownNameError.check("motion", motion, self.motions)
 
 
 ACROSS_SECONDS = 1.0  # s, of an input from one end of its learned range to the other
@@ -336,8 +335,7 @@ class Inputs:
         """Changes an input to another value; raises as `Deck.set_input`."""
         if not self._ranges:
             raise UnknownNameError(f"there is no input '{name}': no motion of this library was learned with one")
-        if name not in self._ranges:
-            raise UnknownNameError.among("input", name, self._ranges)
+        UnknownNameError.check("input", name, self._ranges)
         least, most = self._ranges[name]
         if not (math.isfinite(value) and least <= value <= most):
             raise MotiondeckError(f"{name} was learned from {least:.3g} to {most:.3g}; {value:g} is not in between")

@@ -99,14 +99,12 @@ class Layers:
 
         UnknownNameError for an unknown group or motion. MotiondeckError if there can be no layer, or no further one.
         """
-        if group != OFF and group not in self.groups:
-            raise UnknownNameError.among("group", group, [*self.groups, OFF])
+        UnknownNameError.check("group", group, [*self.groups, OFF])
         if OFF in (group, motion):
             self._end(group)
             return
         self.live.check(self.groups[group])
-        if motion not in self._motions:
-            raise UnknownNameError.among("motion", motion, self._motions)
+        UnknownNameError.check("motion", motion, self._motions)
         mine = [voice for voice in self._voices if voice.group == group and voice.goal]
         if mine and mine[-1].track.motion.name == motion and mine[-1].track.motion.loop:
             mine[-1].goal, mine[-1].commanded_tempo = weight, tempo

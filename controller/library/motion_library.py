@@ -77,8 +77,7 @@ def read_header(path: Path, tree: object) -> LibraryInfo:
     info = shaped(tree, LibraryInfo, f"{path} (header)")
     try:
         network_kind(info.network)
-        if info.encoding not in ENCODINGS:
-            raise UnknownNameError.among("encoding", info.encoding, ENCODINGS)
+        UnknownNameError.check("encoding", info.encoding, ENCODINGS)
     except UnknownNameError as error:
         raise FileFormatError(f"{path} (header): {error}") from None
     names = [motion.name for motion in info.motions]
@@ -174,8 +173,7 @@ def without_motion(library: MotionLibrary, motion: str) -> MotionLibrary:
     UnknownNameError if there is no such motion; MotiondeckError if it is the last.
     """
     info = library.info
-    if motion not in library.network.motions:
-        raise UnknownNameError.among("motion", motion, library.network.motions)
+    UnknownNameError.check("motion", motion, library.network.motions)
     if not (kept := [one for one in info.motions if one.name != motion]):
         raise MotiondeckError(f"'{motion}' is the only motion of the library '{info.name}'; a library has at least one")
     recipe = info.recipe | {"motions": [one for one in info.recipe.get("motions", []) if one.get("name") != motion]}

@@ -20,7 +20,6 @@ def network_kinds() -> tuple[str, ...]:
 @cache
 def network_kind(tag: str) -> type[AnyNetwork]:
     """The class of a kind; only its own files are imported. UnknownNameError for an unknown kind names the nearest."""
-    if tag not in network_kinds():
-        raise UnknownNameError.among("kind of network", tag, network_kinds())
+    UnknownNameError.check("kind of network", tag, network_kinds())
     kind: type[AnyNetwork] = import_module(f"controller.networks.{tag.replace('-', '_')}.network").KIND
     return kind

@@ -48,8 +48,7 @@ def evaluate(
     from controller.learning.evaluation.evaluation import read_evaluation
     from motiondeck_base.jobs import Jobs
 
-    if measure not in MEASURES:
-        raise UnknownNameError.among("measure", measure, MEASURES)
+    UnknownNameError.check("measure", measure, MEASURES)
     where, chosen = Jobs.parse(jobs), _seeds(seeds)
     check_folder(table)
     check_plot(plot)

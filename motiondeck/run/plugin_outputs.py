@@ -100,8 +100,7 @@ def open_outputs(opening: ExitStack, specs: Sequence[str], joints: Sequence[str]
         name, _, argument = spec.partition(":")
         if not found:
             raise UnknownNameError(f"output '{name}': no installed package provides outputs; see docs/api.md")
-        if name not in found:
-            raise UnknownNameError.among("output", name, found)
+        UnknownNameError.check("output", name, found)
         try:
             plugin = found[name].load()(joints=tuple(joints), rate=rate, argument=argument)
         except MotiondeckError:

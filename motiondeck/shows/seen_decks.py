@@ -86,8 +86,7 @@ class SeenDecks:
         present = self.present_names
         known = [*dict.fromkeys([*present, *self._show.decks]), *self._show.groups, ALL]
         for name in names:
-            if name not in known:
-                raise UnknownNameError.among("deck", name, known)
+            UnknownNameError.check("deck", name, known)
         decks = self._show.members(names, present)
         if not set(decks) & set(present):
             raise MotiondeckError(f"not here: {', '.join(decks)}" if decks else "no deck is here yet")

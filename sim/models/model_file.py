@@ -325,8 +325,7 @@ def set_joints(path: Path, spec: mujoco.MjSpec, own: Mapping[str, JointLimit]) -
     model = spec.compile()
     joints = [model.actuator(index).name for index in range(model.nu)]
     for name, limit in own.items():
-        if name not in joints:
-            raise UnknownNameError(f"{path}: limits.joints: {UnknownNameError.among('joint', name, joints)}")
+        UnknownNameError.check("joint", name, joints, f"{path}: limits.joints: ")
         joint = int(model.actuator_trnid[joints.index(name), 0])
         turning, is_hinge = spec.joint(model.joint(joint).name), model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_HINGE
         lower, upper = model.jnt_range[joint].tolist() if model.jnt_limited[joint] else (-np.pi, np.pi)

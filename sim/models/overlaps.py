@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 
 from controller.motion.rotations import Array
-from sim.models.kinematic_tree import path_to
+from sim.models.kinematic_tree import path_to, posed
 
 OVERLAP = 0.003  # depth up to which covers may touch, m
 
@@ -18,9 +18,7 @@ def near_bodies(model: mujoco.MjModel, rest: Array) -> set[tuple[int, int]]:
     # Brothers hang from the same place.
     for a in bodies:
         near |= {(a, b) for b in range(a + 1, model.nbody) if model.body_parentid[a] == model.body_parentid[b]}
-    data = mujoco.MjData(model)
-    data.qpos[:] = rest
-    return near | overlaps(model, data).keys()
+    return near | overlaps(model, posed(model, rest)).keys()
 
 
 def overlaps(model: mujoco.MjModel, data: mujoco.MjData) -> dict[tuple[int, int], float]:

@@ -21,22 +21,22 @@ from controller.motion.rotations import Array
 
 ROOM = 25.0  # temperature of the room, degC
 
-_Positive = Annotated[float, msgspec.Meta(gt=0.0)]
+Positive = Annotated[float, msgspec.Meta(gt=0.0)]
 _NotNegative = Annotated[float, msgspec.Meta(ge=0.0)]
 
 
 class ServoMotor(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     """Data of a robot's servos; the table [servo] of a robot file."""
 
-    torque: _Positive  # at stall, N m
-    speed: _Positive  # without load, rad/s
-    current: _Positive  # at stall, A
-    current_limit: _Positive | None = None  # A; None for the stall current
+    torque: Positive  # at stall, N m
+    speed: Positive  # without load, rad/s
+    current: Positive  # at stall, A
+    current_limit: Positive | None = None  # A; None for the stall current
     backlash: _NotNegative = 0.0  # from end to end, rad
     latency: _NotNegative = 0.0  # of targets, s
-    warming: _Positive = 1.5  # by stall current, K/s, an estimate for a servo of 80 g
-    cooling: _Positive = 240.0  # time constant towards the room's temperature, s, likewise
-    hottest: _Positive = 80.0  # temperature of the shutdown, degC
+    warming: Positive = 1.5  # by stall current, K/s, an estimate for a servo of 80 g
+    cooling: Positive = 240.0  # time constant towards the room's temperature, s, likewise
+    hottest: Positive = 80.0  # temperature of the shutdown, degC
 
     def temperature(self, square: Array, seconds: float, start: float = ROOM) -> Array:
         """Temperature after some seconds at a mean square current (of any shape), A^2; degC."""

@@ -10,7 +10,7 @@ from controller.deck.interfaces import PlacedPose
 from controller.motion.rotations import Array, Flags
 from controller.motion.skeleton import Pose
 from sim.models.kinematic_tree import path_to
-from sim.models.walk_settings import WalkSettings
+from sim.models.robot_file import WalkSettings
 from sim.physics.physics_model import Alteration, feet_of
 from sim.physics.playback import PUSH_LASTS, PhysicsPlayback, push_force
 from sim.physics.walking.preview import AHEAD

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import msgspec
 import numpy as np
 
-from sim.models.walk_settings import WalkSettings
+from sim.models.robot_file import WalkSettings
 from sim.physics.walk_trial import Trial
 
 EDGE = 0.85  # share of the quickest pace in the result

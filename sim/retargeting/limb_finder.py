@@ -28,10 +28,8 @@ def bodies_of_parts(path: Path, model: mujoco.MjModel, parts: Mapping[str, str])
     names = [model.body(index).name for index in range(1, model.nbody)]
     found: dict[str, int] = {}
     for part, body in parts.items():
-        if part not in PARTS:
-            raise UnknownNameError(f"{path}: parts: {UnknownNameError.among('part', part, PARTS)}")
-        if body not in names:
-            raise UnknownNameError(f"{path}: parts.{part}: {UnknownNameError.among('body', body, names)}")
+        UnknownNameError.check("part", part, PARTS, f"{path}: parts: ")
+        UnknownNameError.check("body", body, names, f"{path}: parts.{part}: ")
         found[part] = names.index(body) + 1
     limb = ("thigh", "shank") if not without_legs(found) else ("upper_arm", "forearm")
     for part in ("pelvis", *(f"{side}_{segment}" for side in SIDES for segment in limb)):

@@ -99,10 +99,8 @@ class ServoHumanoidRetargeter:
                 )
             angles = {name: Angle(name) for name in SERVO_HUMANOID_JOINTS}
         for name, angle in angles.items():
-            if name not in SERVO_HUMANOID_JOINTS:
-                raise UnknownNameError(f"angles: {UnknownNameError.among('angle', name, SERVO_HUMANOID_JOINTS)}")
-            if angle.joint not in joints:
-                raise UnknownNameError(f"angles.{name}: {UnknownNameError.among('joint', angle.joint, joints)}")
+            UnknownNameError.check("angle", name, SERVO_HUMANOID_JOINTS, "angles: ")
+            UnknownNameError.check("joint", angle.joint, joints, f"angles.{name}: ")
         self._trunk, self._flat = trunk or RobotTrunk(skeleton), flat
         self._angle = np.array([SERVO_HUMANOID_JOINTS.index(name) for name in angles], np.int64)
         self._joint = np.array([list(joints).index(angle.joint) for angle in angles.values()], np.int64)

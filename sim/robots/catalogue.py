@@ -41,8 +41,7 @@ def model_file(model: str) -> Path:
     if Path(model).exists() or "/" in model or Path(model).suffix:
         return Path(model)
     menagerie, names = menagerie_package(), _names()
-    if model not in names:
-        raise UnknownNameError(f"there is no file {model}, and {UnknownNameError.among('robot', model, names)}")
+    UnknownNameError.check("robot", model, names, f"there is no file {model}, and ")
     entry = menagerie.get(model)
     try:
         return Path(entry.xml(entry.default_model))

@@ -27,8 +27,7 @@ def named_groups(
     """The groups that a table of a file names; UnknownNameError if one has a joint that there is not."""
     for group, members in named.items():
         for joint in members:
-            if joint not in joints:
-                raise UnknownNameError(f"{where}: {table}{group}: {UnknownNameError.among('joint', joint, joints)}")
+            UnknownNameError.check("joint", joint, joints, f"{where}: {table}{group}: ")
     return dict(named)
 
 

@@ -48,10 +48,8 @@ def rig_robot(file: Path, joints: Sequence[str], limits: JointLimits, model: Pat
         standing = msgspec.structs.replace(row, root_height=max(float(data.qpos[2] - lowest), 1e-3))
         spec, built = load_model(file, standing)
     whole = JointLayout.of(built)
-    for joint in joints:
-        if joint not in whole.joints:
-            raise UnknownNameError(f"{file}: {UnknownNameError.among(f'joint of {model}', joint, whole.joints)}")
-    order = np.array([whole.joints.index(joint) for joint in joints])  # all are hinges: of balls the reader makes three
+    # All are hinges: of balls the reader makes three.
+    order = np.array(UnknownNameError.indices(f"joint of {model}", joints, whole.joints, f"{file}: "))
     places, own = whole.hinge_qpos[order], np.arange(len(joints))
     layout = replace(whole, joints=tuple(joints), hinge=own, hinge_qpos=places, dof=whole.dof[order])
     height = float(built.body(int(built.jnt_bodyid[0])).pos[2])

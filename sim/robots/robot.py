@@ -33,10 +33,9 @@ from sim.models.joint_layout import JointLayout
 from sim.models.kinematic_tree import UprightPelvis
 from sim.models.mannequin.mannequin import build_mannequin
 from sim.models.model_file import read_model, set_joints
-from sim.models.robot_file import JointLimit, RobotFile, Row, Solver, read_robot_file
+from sim.models.robot_file import JointLimit, RobotFile, Row, Solver, WalkSettings, read_robot_file
 from sim.models.scenery import add_gantry, add_lamp, set_stage
 from sim.models.servo_motor import Motors, ServoMotor, strength
-from sim.models.walk_settings import WalkSettings
 from sim.retargeting.footing import BakedRoot, FixedBase, Footing
 from sim.retargeting.human_stance import HumanStance
 from sim.retargeting.limb_finder import without_legs
@@ -281,8 +280,7 @@ def load_model(path: Path, file: RobotFile) -> tuple[mujoco.MjSpec, mujoco.MjMod
 def _rest(path: Path, file: RobotFile, layout: JointLayout, limits: JointLimits) -> Array:
     rest = np.clip(0.0, limits.lower, limits.upper)
     for name, angle in file.rest.items():
-        if name not in layout.joints:
-            raise UnknownNameError(f"{path}: rest: {UnknownNameError.among('joint', name, layout.joints)}")
+        UnknownNameError.check("joint", name, layout.joints, f"{path}: rest: ")
         rest[layout.joints.index(name)] = angle
     outside = (rest < limits.lower) | (rest > limits.upper)
     if outside.any():
@@ -297,9 +295,8 @@ def _rest(path: Path, file: RobotFile, layout: JointLayout, limits: JointLimits)
 def _limits(file: RobotFile, model: mujoco.MjModel, layout: JointLayout) -> JointLimits:
     """The limits of a model whose joints are as of `set_joints`."""
     lower, upper = joint_ranges(model, layout)
-    table = {"lower": lower, "upper": upper}
-    for key in ("velocity", "acceleration", "jerk"):
-        table[key] = np.full(len(lower), getattr(file.limits, key))
+    table = {key: np.full(len(lower), getattr(file.limits, key)) for key in ("velocity", "acceleration", "jerk")}
+    table |= {"lower": lower, "upper": upper}
     if file.servo is not None:
         table["velocity"] = np.minimum(table["velocity"], file.servo.speed)
     for (name, own), (key, values) in product(file.limits.joints.items(), table.items()):

@@ -31,8 +31,7 @@ class LoadedSignals:
 
     def correlation(self, signal: str) -> Array:
         """R = X' X / T of a signal's states, shape (N, N) (Jaeger 2014, section 3.4); UnknownNameError if none."""
-        if signal not in self.states:
-            raise UnknownNameError.among("signal", signal, self.states)
+        UnknownNameError.check("signal", signal, self.states)
         states = self.states[signal]
         return states.T @ states / len(states)
 

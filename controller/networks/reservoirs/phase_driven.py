@@ -208,8 +208,7 @@ class PhaseDrivenNetwork(ReservoirNetwork[Motion]):
 
     def set_input(self, name: str, value: float) -> None:
         """Sets an input from the next step on, within the learned values. UnknownNameError if no motion has it."""
-        if name not in self.inputs:
-            raise UnknownNameError.among("input", name, tuple(self.inputs))
+        UnknownNameError.check("input", name, self.inputs)
         self._values[name] = value
         self._player.level = self._level_of(self._player.motion)
 

@@ -52,8 +52,7 @@ def identify(
     if not dry_run and out is None and not Path(rig).is_file():
         raise MotiondeckError(f"{rig} is a shipped rig, which stays as it is: give a file with --out, or --dry-run")
     for name in joint or ():
-        if name not in config.names:
-            raise UnknownNameError.among("joint of this rig", name, config.names)
+        UnknownNameError.check("joint of this rig", name, config.names)
     found = _measure(config, joint or config.names, port or [], aside if as_json else print)
     target = None if dry_run else out or source
     kept = None

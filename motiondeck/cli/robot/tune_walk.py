@@ -16,7 +16,7 @@ from motiondeck_base.files import write_file
 from motiondeck_base.jobs import Jobs, spread
 from motiondeck_base.progress import collected, progress
 from motiondeck_base.shipped import find_library
-from sim.models.walk_settings import WalkSettings, with_walk_table
+from sim.models.robot_file import WalkSettings, with_walk_table
 from sim.physics.playback import usual_push
 from sim.physics.walk_trial import Course, Trial, play_course, pushes, walk_trial
 from sim.physics.walk_tuning import EDGE, steps, tune_walk

@@ -118,8 +118,7 @@ class Draft:
         else:
             self.sheet.set(0.0, self.rest)
         for joint in (joint for key in self.sheet.keys.values() for joint in key):
-            if joint not in robot.joints:
-                raise UnknownNameError(f"{file}: {UnknownNameError.among('joint of the rig', joint, robot.joints)}")
+            UnknownNameError.check("joint of the rig", joint, robot.joints, f"{file}: ")
         self._draw()
 
     @property

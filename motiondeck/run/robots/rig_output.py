@@ -135,8 +135,7 @@ class RigOutput:
 
     def _place(self, joint: str) -> int:
         names = self.rig.names
-        if joint not in names:
-            raise UnknownNameError.among("joint", joint, names)
+        UnknownNameError.check("joint", joint, names)
         return names.index(joint)
 
     @property

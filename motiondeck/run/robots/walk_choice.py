@@ -15,7 +15,7 @@ from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.files import keep
 from motiondeck_base.progress import progress
 from motiondeck_base.shipped import find_library, user_cache
-from sim.models.walk_settings import WalkSettings
+from sim.models.robot_file import WalkSettings
 from sim.physics.walk_trial import play_course, walk_trial
 from sim.robots.robot import Robot, load_robot
 from sim.robots.robot_digest import code_digest

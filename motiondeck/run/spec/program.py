@@ -94,8 +94,7 @@ def parse_script(text: str, motions: Sequence[str]) -> tuple[str, list[Timed], f
             )
         if not 1 <= len(words) <= 2:
             raise MotiondeckError(f"script, part {place}: '{' '.join(words)}' is not MOTION SECONDS, as in 'walk 4'")
-        if words[0] not in motions:
-            raise UnknownNameError(f"script, part {place}: {UnknownNameError.among('motion', words[0], motions)}")
+        UnknownNameError.check("motion", words[0], motions, f"script, part {place}: ")
         if len(words) == 1 and not last:
             raise MotiondeckError(
                 f"script, part {place}: give its seconds, as in '{words[0]} 4'; only the last part may go without"

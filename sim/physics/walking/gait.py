@@ -6,7 +6,7 @@ import numpy as np
 
 from controller.motion.rotations import Array
 from sim.models.gravity import GRAVITY
-from sim.models.walk_settings import WalkSettings
+from sim.models.robot_file import WalkSettings
 from sim.physics.walking.preview import Swing
 from sim.physics.walking.rolling import Rolling
 from sim.physics.walking.steps import MEETS, Step, pressure_course, rotated, swing_path, wrapped
@@ -148,9 +148,7 @@ class Gait:
     @property
     def standing(self) -> Array:
         """The feet's shares of the weight, shape (2,)."""
-        if self.step is None:
-            return np.array([0.5, 0.5])
-        return np.array([0.0, 1.0]) if self.step.foot == 0 else np.array([1.0, 0.0])
+        return np.array([0.5, 0.5]) if self.step is None else np.eye(2)[1 - self.step.foot]
 
     def _chain(self, now: float, swings: Sequence[Swing]) -> list[Step]:
         places, yaws, steps, s = [*self.places], [*self.yaws], list[Step](), self._set

@@ -66,11 +66,9 @@ class Momentum:
         after = np.cumsum(mean[::-1])[::-1]
         self._to_mean = np.where(np.arange(ticks) > self._past, after, after - 1.0)
         self._to_mean[: self._past - soft + 1] = 0.0
-        now = np.zeros(ticks)
-        now[self._past] = 1.0
         later = np.where(np.arange(ticks) >= self._past, np.exp(-omega * dt * (np.arange(ticks) - self._past)), 0.0)
         softer = np.convolve(later, _triangle(soft), mode="same")
-        self._moves = later / later.sum() - now, softer / softer.sum() - mean
+        self._moves = later / later.sum() - np.eye(ticks)[self._past], softer / softer.sum() - mean
 
     def add(self, goal: Array) -> None:
         """Adds the next tick of the motion, a posture (nq,)."""

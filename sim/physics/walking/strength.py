@@ -32,9 +32,8 @@ def check_legs(robot: Robot, model: mujoco.MjModel, body: WholeBody, feet: tuple
     `roll` is the largest distance of the centre of pressure from the middle of the sole, m.
     """
     rest = posed(model, robot.rest_qpos)
-    for foot in feet:
-        own = int(model.body(foot.body).id)
-        sole = rest.xpos[own] + rest.xmat[own].reshape(3, 3) @ foot.sole
+    for number, foot in enumerate(feet):
+        own, sole = body.bodies[number], body.sole(rest, number)
         if rest.xpos[model.body_weldid[own], 2] - sole[2] > ANKLE * (rest.xpos[model.jnt_bodyid[0], 2] - sole[2]):
             raise MotiondeckError(
                 f"robot '{robot.name}' has no ankle above '{foot.body}', so it cannot walk: leave --walk;"

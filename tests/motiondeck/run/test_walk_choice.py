@@ -10,7 +10,7 @@ from motiondeck.run.robots import walk_choice
 from motiondeck.run.robots.walk_choice import WALKS, able_to_walk
 from motiondeck_base.errors import MotiondeckError
 from shipped_libraries import shipped
-from sim.models.walk_settings import WalkSettings
+from sim.models.robot_file import WalkSettings
 from sim.physics.walk_trial import Course, Trial
 from sim.robots.robot import DT, load_robot
 from simulated_bodies import ROBOTS

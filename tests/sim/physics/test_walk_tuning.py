@@ -1,8 +1,7 @@
 import numpy as np
 import pytest
 
-from sim.models.robot_file import read_robot_file
-from sim.models.walk_settings import WalkSettings, with_walk_table
+from sim.models.robot_file import WalkSettings, read_robot_file, with_walk_table
 from sim.physics.walk_trial import Trial, pushes
 from sim.physics.walk_tuning import EDGE, SEARCHED, changed, steps, tune_walk
 from simulated_bodies import ROBOTS

@@ -4,7 +4,7 @@ import pytest
 
 from controller.motion.rotations import from_matrix
 from sim.models.kinematic_tree import path_to
-from sim.models.walk_settings import WalkSettings
+from sim.models.robot_file import WalkSettings
 from sim.physics.physics_model import feet_of, physics_model
 from sim.physics.walking.capture_point import planned_capture_point
 from sim.physics.walking.gait import Gait

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from sim.models.walk_settings import WalkSettings
+from sim.models.robot_file import WalkSettings
 from sim.physics.walking.gait import Gait
 from sim.physics.walking.preview import Footfalls
 from sim.physics.walking.rolling import from_flat
