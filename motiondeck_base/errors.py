@@ -17,6 +17,15 @@ class MotiondeckError(Exception):
         return cls(f"{path}: cannot be written ({error.strerror or error}). Check folder and free space.")
 
     @classmethod
+    @contextmanager
+    def writing(cls, path: str | Path) -> Iterator[None]:
+        """Has the error say that a file or a folder cannot be written, if the system refuses it inside."""
+        try:
+            yield
+        except OSError as error:
+            raise cls.unwritable(path, error) from None
+
+    @classmethod
     def missing(cls, path: str | Path, what: str = "file") -> Self:
         """The error for a file that does not exist; `what` else it might have been, as "file or folder"."""
         return cls(f"{path}: there is no such {what}. Check the name.")

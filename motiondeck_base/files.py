@@ -168,13 +168,11 @@ def write_file(path: Path, *parts: bytes | memoryview, mode: int = 0o666) -> Non
     What is no file, such as /dev/stdout or a pipe, is written to as it is, and stays what it is. FileFormatError if it
     cannot be written.
     """
-    try:
+    with FileFormatError.writing(path):
         if path.exists() and not path.is_file():
             path.write_bytes(b"".join(parts))
         else:
             _replace(path.resolve(), parts, mode)  # a link stays one
-    except OSError as error:
-        raise FileFormatError.unwritable(path, error) from None
 
 
 def digest_of(path: Path) -> str:

@@ -28,11 +28,9 @@ def examples(folder: Annotated[Path, Argument(metavar="DIR", help="A folder to m
     """
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise MotiondeckError(f"{folder}: is there already. Name a new folder; nothing is replaced")
-    try:
+    with FileFormatError.writing(folder):
         for name in ("examples", "configs"):
             ours = shutil.ignore_patterns("*.safetensors", "__pycache__")
             shutil.copytree(shipped_configs(name), folder / name, ignore=ours)
         (folder / "examples" / "walk.bvh").rename(folder / "walk.bvh")
-    except OSError as error:
-        raise FileFormatError.unwritable(folder, error) from None
     print(_TRY.format(folder))

@@ -82,8 +82,6 @@ def write_folder(folder: Path, files: Mapping[str, bytes]) -> None:
     """Writes files by their places in a folder; FileFormatError if one cannot be written."""
     for name, content in files.items():
         file = folder / name
-        try:
+        with FileFormatError.writing(file):
             file.parent.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise FileFormatError.unwritable(file, error) from None
         write_file(file, content)

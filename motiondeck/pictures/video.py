@@ -143,14 +143,12 @@ def _written_whole(path: Path) -> Iterator[Path]:
     if not path.parent.is_dir():
         raise MotiondeckError(f"{path}: there is no folder {path.parent}")
     unfinished = path.with_name(f".{path.stem}.unfinished{path.suffix}")
-    try:
+    with MotiondeckError.writing(path):
         nameless = _nameless(path.parent)
         # Find out before minutes of drawing that nothing can be written here.
         unfinished.touch()
         if nameless is not None:
             unfinished.unlink()
-    except OSError as error:
-        raise MotiondeckError.unwritable(path, error) from error
     try:
         yield unfinished if nameless is None else Path(f"/proc/{os.getpid()}/fd/{nameless}")
         if nameless is not None:

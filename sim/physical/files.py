@@ -73,10 +73,8 @@ def stood_files(
             stage = PhysicalStage(fitted, retargeted(fitted, clip))
             found = stage.best(progress=partial(progress, path.name))
             place = out / f"{path.stem}{'' if found.fell_s is None else MARK}.npz"
-            try:
+            with MotiondeckError.writing(out):
                 out.mkdir(parents=True, exist_ok=True)
-            except OSError as error:
-                raise MotiondeckError.unwritable(out, error) from None
             write_training_file(place, fitted.model, found.motion.qpos, RATE, format)
             held = None
             if feedback and found.fell_s is None:

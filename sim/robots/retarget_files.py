@@ -93,14 +93,11 @@ def retarget_files(
             left.append((recording, place))
     carried, digest = delayed(_carried), settings.digest
     work = (carried(robot, digest, recording, out, place, format, solver) for recording, place in left)
-    try:
-        with (out / MANIFEST).open("a", encoding="utf-8") as manifest:
-            for row in spread(work, jobs):
-                manifest.write(json.dumps(msgspec.to_builtins(row)) + "\n")
-                manifest.flush()
-                yield row
-    except OSError as error:
-        raise MotiondeckError.unwritable(out, error) from None
+    with MotiondeckError.writing(out), (out / MANIFEST).open("a", encoding="utf-8") as manifest:
+        for row in spread(work, jobs):
+            manifest.write(json.dumps(msgspec.to_builtins(row)) + "\n")
+            manifest.flush()
+            yield row
 
 
 def _places(paths: Sequence[Path], format: Format) -> dict[Path, Path]:

@@ -112,10 +112,8 @@ def recording(out: Path, description: Mapping[str, Any], rate: float) -> Iterato
     room for what the processes share.
     """
     check_replaceable(out)
-    try:
+    with FileFormatError.writing(out):
         out.open("ab").close()
-    except OSError as error:
-        raise FileFormatError.unwritable(out, error) from None
     joints = description["joints"]
     numbers = SnapshotNumbers(description["motions"], recognizable=description["recognizable"], joints=joints)
     fields = numbers.sizes | {"command": 1, "argument": 1, "refused": 1}
