@@ -38,7 +38,10 @@ SIDE_WIDTH = 340  # pixels
 
 
 class DeckView:
-    """All that is on a deck's page, recordings kept in `dropped`; FileFormatError if MuJoCo refuses a model file."""
+    """All that is on a deck's page, recordings kept in `dropped`; FileFormatError if MuJoCo refuses a model file.
+
+    While the rig is recorded by hand, `hands` wants every state.
+    """
 
     def __init__(self, page: PrivatePage, about: PageDescription, commands: CommandClient, dropped: Path) -> None:
         self._page = page
@@ -52,7 +55,7 @@ class DeckView:
         )
         self._network = None
         if about.network_file:
-            self._network = NetworkView(page, self._panel.parts, Path(about.network_file), height)
+            self._network = NetworkView(self._panel.parts, Path(about.network_file), height)
         if about.push_ns:
             BodyPush(self._scene.robot, height, about.push_ns, self._panel.send)
         self._add_side(model, about, commands, dropped)
@@ -63,14 +66,14 @@ class DeckView:
         """Puts the servos and the learning of new motions on the left, and the last minutes below."""
         gui, parts = self._page.gui, self._panel.parts
         rig = about.rig
-        self._rig = self._glow = self._hands = None
+        self._rig = self._glow = self.hands = None
         self._past = Past(parts, self._bodies)
         self._history = History(about, model)
         side = gui.add_panel() if rig is not None or about.learn else None
         if side is not None and rig is not None:
             with side.add_tab("Rig", viser.Icon.ENGINE):
                 look = partial(query_servos, commands, self._panel.refuse)
-                self._rig = RigPanel(self._page, parts, rig, self._panel.ask, look)
+                self._rig = RigPanel(parts, rig, self._panel.ask, look)
             self._glow = JointGlow(self._page, model, [servo.joint for servo in rig.servos], self._scene.height)
         tab = partial(gui.add_folder, expand_by_default=False) if side is None else side.add_tab
         if about.human is not None and about.library_file and not about.behind_s:
@@ -85,9 +88,9 @@ class DeckView:
         if side is not None and about.learn and about.library_file:
             with side.add_tab("Learn", viser.Icon.SCHOOL):
                 ask = self._panel.ask
-                learning = LearnPanel(self._page, parts, about.learn, Path(about.library_file), dropped, ask)
+                learning = LearnPanel(parts, about.learn, Path(about.library_file), dropped, ask)
                 if rig is not None:
-                    self._hands = HandRecorder(self._page, parts, rig, dropped, ask, self._panel.send, learning.look_at)
+                    self.hands = HandRecorder(parts, rig, dropped, ask, self._panel.send, learning.look_at)
         if side is not None:
             side.dock_left()
             side.set_width(SIDE_WIDTH)
@@ -101,16 +104,13 @@ class DeckView:
             self._draw(latest, min(now - self._last_picture, LONGEST_STEP))
             self._past.show(clients, self._panel.view(), self._centre, now)
         self._last_picture = now
-        servos = latest.servos
-        if self._hands is not None and servos is not None:
-            self._hands.update(servos)
         if now - self._last_health < 1.0 / HEALTH_PER_SECOND:
             return
-        self._last_health = now
+        self._last_health, servos = now, latest.servos
         self._panel.show(latest.snapshot)
         self._past.timeline.show()
-        if self._hands is not None:
-            self._hands.show()
+        if self.hands is not None and servos is not None:
+            self.hands.show(servos)
         if self._rig is not None and self._glow is not None and servos is not None:
             self._glow.mark(self._rig.show(servos, now), self._scene.data, self._centre)
 
@@ -130,16 +130,6 @@ class DeckView:
                 self._forces.show(bodies.contacts, centre, visible=view.forces)
             if self._glow is not None:
                 self._glow.show(self._scene.data, centre)
-
-    @property
-    def recording(self) -> bool:
-        """Whether the rig is being recorded by hand, and `record` wants every state."""
-        return self._hands is not None and self._hands.recording
-
-    def record(self, picture: Picture) -> None:
-        """Takes a picture for the recording by hand."""
-        if self._hands is not None and picture.servos is not None:
-            self._hands.record(picture.snapshot.run_s, picture.servos)
 
     def show_event(self, event: Event) -> None:
         """Shows an event of the deck."""

@@ -94,10 +94,8 @@ class Panel:
         gui.add_html(STYLE)
         self.parts = PageParts(page)
         self._notices = Notices(self.parts)
-        tempo, groups = (
-            [TEMPO.lowest if about.has_phase else 0.0, TEMPO.highest],
-            about.groups if about.library_file else [],
-        )
+        tempo = [TEMPO.lowest if about.has_phase else 0.0, TEMPO.highest]
+        groups = about.groups if about.library_file else []
         fixed = {"motions": self._motions, "verdicts": about.verdicts, "groups": groups, "tempo": tempo}
         self._operate, self._layers = Operate(self.parts, fixed, self.send), ""
         # What happens and how to stop it stand first, so that they are visible in a small window too.

@@ -67,11 +67,13 @@ def view(state: Path, command_port: int | None, port: int) -> None:
                 if latest is not None and latest["tick"][0] != last_tick and np.isfinite(latest["qpos"]).all():
                     last_tick = latest["tick"][0]
                     shown.show(picture(latest), now)
-                if shown.recording:
+                if (hands := shown.hands) is not None and hands.recording:
                     # More states are published than pictures drawn.
                     last_state, values = reader.since(last_state or reader.latest - 1)
                     for each in values:
-                        shown.record(picture(named(each, reader.fields)))
+                        seen = picture(named(each, reader.fields))
+                        if seen.servos is not None:
+                            hands.record(seen.snapshot.run_s, seen.servos)
                 else:
                     last_state = 0
                 with contextlib.suppress(MotiondeckError):  # it may just have ended

@@ -14,7 +14,6 @@ from hardware.rig.supervision.servo_states import ServoStates
 from motiondeck.page.learning.learning_process import HAND, HandRecording
 from motiondeck.page.web.page_state import RigDescription
 from motiondeck.page.web.parts import Ask, PageParts, Send
-from motiondeck.page.web.private_page import PrivatePage
 
 Take = Callable[[Path], None]
 LONGEST = 120.0  # s
@@ -31,9 +30,7 @@ class HandRecorder:
     The joints that are switched off are recorded, as often as the deck publishes where they are.
     """
 
-    def __init__(
-        self, page: PrivatePage, parts: PageParts, rig: RigDescription, folder: Path, ask: Ask, send: Send, take: Take
-    ) -> None:
+    def __init__(self, parts: PageParts, rig: RigDescription, folder: Path, ask: Ask, send: Send, take: Take) -> None:
         self._joints = [servo.joint for servo in rig.servos]
         self._rate, self._off = rig.rate_hz, rig.conditions.index("is off on command")
         self._folder, self._ask, self._send, self._take = folder, ask, send, take
@@ -43,11 +40,7 @@ class HandRecorder:
         self.recording = False
         self._count = 0
         self._deeds = parts.add("button-row", "hand-deeds", heard=self._do)
-        self._text = page.gui.add_html("")
-
-    def update(self, servos: ServoStates) -> None:
-        """Takes the latest states of the servos."""
-        self._loose = servos.conditions == self._off
+        self._text = parts.page.gui.add_html("")
 
     def record(self, run_s: float, servos: ServoStates) -> None:
         """Takes the states of the servos at a time of the run while it records; each once, in order."""
@@ -56,8 +49,9 @@ class HandRecorder:
             self.recording = False
             Thread(target=self._finish, daemon=True).start()
 
-    def show(self) -> None:
-        """Brings the buttons up to date."""
+    def show(self, servos: ServoStates) -> None:
+        """Brings the buttons up to date with the latest states of the servos."""
+        self._loose = servos.conditions == self._off
         if self.recording:
             self._deeds.show([["stop", "Stop recording"]])
             seconds = self._seen[-1][0] - self._seen[0][0] if self._seen else 0.0

@@ -16,7 +16,6 @@ from viser.infra import ClientId
 from controller.wire.messages.commands import LoadLibrary
 from motiondeck.page.learning.learning_process import Learned, LearningStep, LearnRequest, News, NotLearned, Seen, work
 from motiondeck.page.web.parts import Ask, PageParts
-from motiondeck.page.web.private_page import PrivatePage
 from motiondeck_base.files import shortened
 
 LONGEST_NAME = 40
@@ -31,17 +30,15 @@ class LearnPanel:
     The command starts the learning process, without its request.
     """
 
-    def __init__(
-        self, page: PrivatePage, parts: PageParts, command: list[str], library: Path, folder: Path, ask: Ask
-    ) -> None:
+    def __init__(self, parts: PageParts, command: list[str], library: Path, folder: Path, ask: Ask) -> None:
         self._command, self._library, self._folder = command, library, folder
         self._file: Path | None = None
         self._learned: Learned | None = None
-        gui = page.gui
+        gui = parts.page.gui
         parts.add("drop-zone", "drop-zone").show("Drop a recording anywhere on the page: BVH, C3D, AMC with ASF, …")
         upload = gui.add_upload_button("Choose a recording", icon=viser.Icon.UPLOAD, color="gray")
         upload.on_upload(lambda event: self._take(event.target.value))
-        limit_uploads(page, MOST_BYTES, self._refuse)
+        limit_uploads(parts.page, MOST_BYTES, self._refuse)
         self._said = gui.add_html("")
         self._strip = parts.add("film-strip", "film-strip")
         self._part = gui.add_multi_slider(

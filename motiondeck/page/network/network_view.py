@@ -14,7 +14,6 @@ from controller.library.motion_library import load_library
 from controller.motion.rotations import Array
 from controller.networks.orbits import Orbits, orbits
 from motiondeck.page.web.parts import PageParts
-from motiondeck.page.web.private_page import PrivatePage
 from motiondeck_base.errors import MotiondeckError
 
 TURN = 2.0 * np.pi
@@ -59,8 +58,8 @@ BACKGROUND = np.array([238.0, 242.0, 247.0])
 class NetworkView:
     """The orbits of a network beside a robot of a height, m; hidden until they are switched on."""
 
-    def __init__(self, page: PrivatePage, parts: PageParts, library: Path, height: float) -> None:
-        self._page, self._height = page, height
+    def __init__(self, parts: PageParts, library: Path, height: float) -> None:
+        self._scene, self._height = parts.page.scene, height
         self._inside: InnerLife | None = None
         self._card = parts.add("network-card", "network-card")
         self._shown_card = -1.0  # when, s
@@ -118,7 +117,7 @@ class NetworkView:
             self._card.show({"motion": motion, "names": names, "overlap": overlap, "centers": centers})
 
     def _draw(self, found: Orbits) -> None:
-        scene, height = self._page.scene, self._height
+        scene, height = self._scene, self._height
         self._frame = scene.add_frame("/network", show_axes=False, position=height * np.array(PLACE))
         for name in found.paths:
             self._draw_line(found, name, playing=False)
@@ -127,7 +126,7 @@ class NetworkView:
 
     def _draw_line(self, found: Orbits, name: str, *, playing: bool) -> None:
         path = REACH * self._height * found.paths[name]
-        self._lines[name] = self._page.scene.add_line_segments(
+        self._lines[name] = self._scene.add_line_segments(
             f"/network/orbit {list(found.paths).index(name)}",
             np.stack([path[:-1], path[1:]], axis=1),
             PLAYING if playing else _pale(list(found.paths).index(name), len(found.paths)),

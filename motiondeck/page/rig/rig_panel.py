@@ -14,7 +14,6 @@ from motiondeck.page.rig.servo_look import ServoLook, ServoLooks
 from motiondeck.page.rig.servo_tables import Look, ServoTables
 from motiondeck.page.web.page_state import RigDescription, ServoDescription
 from motiondeck.page.web.parts import Ask, PageParts
-from motiondeck.page.web.private_page import PrivatePage
 
 FALLS = "The joint goes limp: hold what would fall. The others play on."
 SETS_UP = "The servo is checked and switched on where it stands; then it comes slowly to where it should be."
@@ -24,17 +23,17 @@ RESTARTS = "All servos hold for half a second; this one is limp for as long, the
 class RigPanel:
     """The widgets of the rig, where the page's widgets are being added."""
 
-    def __init__(self, page: PrivatePage, parts: PageParts, rig: RigDescription, ask: Ask, look: Look) -> None:
+    def __init__(self, parts: PageParts, rig: RigDescription, ask: Ask, look: Look) -> None:
         self._servos = rig.servos
         self._looks = ServoLooks(rig)
         self._chosen = 0
-        gui = page.gui
+        gui = parts.page.gui
         self._summary = gui.add_html("")
         self._cards = parts.add("servo-cards", "servos", {"servos": msgspec.to_builtins(rig.servos)}, self._choose)
         self._title = gui.add_html("")
         self._deeds = parts.add("button-row", "servo-deeds", heard=self._do)
         self._ask = ask
-        self._tables = ServoTables(page, look, ask)
+        self._tables = ServoTables(parts.page, look, ask)
         self._off = False  # whether the chosen servo was switched off
 
     @property

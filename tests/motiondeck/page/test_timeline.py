@@ -16,9 +16,9 @@ from controller.wire.messages.deck_snapshot import DeckSnapshot
 from controller.wire.messages.replies import Event
 from motiondeck.page.bodies import Bodies as DrawnBodies
 from motiondeck.page.bodies import View
-from motiondeck.page.past import Past
+from motiondeck.page.past import Past, Timeline
+from motiondeck.page.plots import SECONDS
 from motiondeck.page.scene import DARK, Scene
-from motiondeck.page.timeline import SECONDS, Timeline
 from motiondeck.page.web.page_state import Picture, PictureArrays
 from motiondeck.page.web.parts import PageParts
 from motiondeck.page.web.private_page import PrivatePage

@@ -208,7 +208,7 @@ def test_the_page_shows_the_figure_and_its_buttons_command_the_deck(deck, browse
         page.get_by_text("loop", exact=True).click()
         page.get_by_text("200.0 Hz").wait_for()
         page.get_by_text("412 µs").wait_for()
-        page.get_by_text("On time").wait_for()
+        page.get_by_text("On time: no tick was late.", exact=True).wait_for()
         page.get_by_text("locked to the beat of 117.0 a minute (+4 ms)").wait_for()
 
         # Button and highlight: the colour that "walk" had goes to "jog".

@@ -57,9 +57,9 @@ def learning(tmp_path_factory, browser):
         asked.append(then)
 
     with chdir(folder):
-        panel = LearnPanel(page, parts, LEARNS, find_library("thesis15"), folder / "dropped", ask)
-        hands = HandRecorder(page, parts, RIG, folder / "dropped", ask, sent.append, panel.look_at)
-        hands.show()
+        panel = LearnPanel(parts, LEARNS, find_library("thesis15"), folder / "dropped", ask)
+        hands = HandRecorder(parts, RIG, folder / "dropped", ask, sent.append, panel.look_at)
+        hands.show(rig([0, 0, 0], [0.0, 0.0, 0.0]))
         tab = browser.new_page(viewport={"width": 900, "height": 600})
         tab.set_default_timeout(60_000)
         tab.goto(coarse(page.address))
@@ -104,15 +104,14 @@ def test_the_rig_is_recorded_by_hand_and_the_part_that_was_chosen_is_played(lear
     until(lambda: asked, "the question")
     asked.pop()()
     assert learning.sent == [Pause(), *(ServoTorque(servo.joint, "off") for servo in RIG.servos)]
-    hands.update(rig([0, 1, 1], [0.1, 0.0, 0.0]))
-    hands.show()
+    hands.show(rig([0, 1, 1], [0.1, 0.0, 0.0]))
     tab.get_by_text("2 of 3 joints are loose").wait_for()
     tab.get_by_role("button", name="Start recording").click()
     until(lambda: hands.recording, "the recording")
     for frame in range(8 * 30):
         swing = np.sin(np.pi * frame / 30.0) * (frame > 60)  # rounds of 2 s, after 2 s of rest
         hands.record(10.0 + frame / 30.0, rig([0, 1, 1], [0.1, 0.5 * swing, 0.8 * swing]))
-    hands.show()
+    hands.show(rig([0, 1, 1], [0.1, 0.0, 0.0]))
     tab.get_by_role("button", name="Stop recording").click()
     tab.get_by_text("by-hand-1: 8.0 s").wait_for()
     name = tab.locator('input[value="by-hand-1"]').element_handle()

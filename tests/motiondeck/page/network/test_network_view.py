@@ -35,7 +35,7 @@ def test_the_ball_is_where_the_neurons_are(page):
     network = library.network.twin()
     network.cue("waltz", 3)
     network.advance(np.zeros(network.channels))
-    view = NetworkView(page, PageParts(page), find_library("thesis15"), HEIGHT)
+    view = NetworkView(PageParts(page), find_library("thesis15"), HEIGHT)
     view.show(network.activation, "waltz", 0.25, visible=False)
     assert view.ball is None
     look(view, network.activation, "waltz", 30.0)
@@ -57,12 +57,12 @@ def test_the_centers_turn_with_the_motion(library, motion, centers):
 
 
 def test_a_library_that_has_been_replaced_by_one_with_other_neurons_shows_nothing(page):
-    view = NetworkView(page, PageParts(page), find_library("thesis15"), HEIGHT)
+    view = NetworkView(PageParts(page), find_library("thesis15"), HEIGHT)
     look(view, np.zeros(10), "walk", 3.0)
     assert view.ball is None
 
 
 def test_a_library_that_has_gone_shows_nothing(page, tmp_path):
-    view = NetworkView(page, PageParts(page), tmp_path / "none.safetensors", HEIGHT)
+    view = NetworkView(PageParts(page), tmp_path / "none.safetensors", HEIGHT)
     look(view, np.zeros(10), "walk", 0.3)
     assert view.ball is None

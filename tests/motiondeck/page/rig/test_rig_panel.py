@@ -66,9 +66,7 @@ def test_cards_say_how_servos_are_and_torque_is_taken_off_after_a_question(brows
         ]
         return Registers(message.joint, "XM430-W350", rows)
 
-    panel = RigPanel(
-        page, PageParts(page), RIG, lambda event, title, text, yes, then: asked.append((title, then)), look
-    )
+    panel = RigPanel(PageParts(page), RIG, lambda event, title, text, yes, then: asked.append((title, then)), look)
     panel.show(state(["well", "does not answer"]), 0.0)
     tab = browser.new_page(viewport={"width": 900, "height": 700})
     try:
