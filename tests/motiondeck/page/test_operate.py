@@ -162,3 +162,15 @@ def test_a_locked_browser_takes_no_hand_but_on_the_stop_and_no_other_browser_is_
         finally:
             for tab in tabs:
                 tab.close()
+
+
+@pytest.mark.parametrize(
+    ("width", "view", "whole"), [(1280, "inspect", True), (390, "operate", True), (390, "inspect", False)]
+)
+def test_the_scene_is_behind_a_sheet_on_a_phone_that_inspects_alone(browser, width, view, whole):
+    with shown_panel() as (page, _, _):
+        looks = []
+        page.suit = lambda client, look: looks.append(look)
+        with closing(browser.new_page(viewport={"width": width, "height": 800}, color_scheme="dark")) as tab:
+            tab.goto(f"{page.address}/?view={view}")
+            until(lambda: looks[-1:] == [(True, whole)], "what the browser says of its scene")

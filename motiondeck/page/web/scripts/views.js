@@ -82,10 +82,11 @@ motiondeck.part("views", (element, state, send) => {
   const bar = motiondeck.child(document.body, "views", "nav", "view-switches");
   bar.dataset.in = "inspect";
   bar.setAttribute("aria-label", "view");
+  const sheet = matchMedia("(max-width: 575px)"); // viser's panels are one sheet over the lower half
   let told = JSON.stringify({ dark: false, whole: false });
   const show = () => {
     if (bar.hasChildNodes() || document.querySelector('[data-part="operate"]')) motiondeck.browser.switches(bar);
-    const now = { dark: root.dataset.scheme === "dark", whole: root.dataset.view === "operate" };
+    const now = { dark: root.dataset.scheme === "dark", whole: root.dataset.view === "operate" || !sheet.matches };
     if (told !== JSON.stringify(now)) send(now);
     told = JSON.stringify(now);
   };
