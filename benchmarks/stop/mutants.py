@@ -267,8 +267,8 @@ MUTANTS = (
     ),
     Mutant(
         "conductor: no stops in its clock's answers", CONDUCTOR, STANDING,
-        "self.show.lost_after, self._stops.latest)",
-        "self.show.lost_after, [])",
+        "*lost, self._stops.latest)",
+        "*lost, [])",
     ),
     Mutant(
         "conductor: stops of before are not taken over", CONDUCTOR, STANDING,

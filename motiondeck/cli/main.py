@@ -63,7 +63,6 @@ _PANELS = {
     "Export": {"export": "export"},
     "Show": {"gamepad": "remote.gamepad", "stage": "remote.stage", "conduct": "show.conduct", "fleet": "show.fleet"},
 }
-_GROUPS = ("library", "clip", "rig", "robot", "recognize", "fleet")
 
 
 class _Commands(typer.core.TyperGroup):
@@ -90,7 +89,7 @@ def command_line(words: Sequence[str] = ()) -> typer.Typer:
     first = next((word for word in words if word != "--debug"), "")
     for panel, name, path in [row for row in rows if row[1] == first] or rows:
         module = import_module(f"motiondeck.cli.{path}")
-        if name in _GROUPS:
+        if hasattr(module, "app"):
             app.add_typer(module.app, name=name, rich_help_panel=panel)
         else:
             # A negative number is not an option: `send tempo -1`.

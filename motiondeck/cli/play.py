@@ -156,11 +156,6 @@ def play_again(
     if page_port is not None:
         ports += ["--port", str(page_port)]
     sys.stdout.flush()
-    words = [*chosen, *_typed_options(context), *ports]
-    os.execv(sys.executable, [sys.executable, "-P", "-m", "motiondeck", "play", *words])
-
-
-def _typed_options(context: typer.Context) -> list[str]:
     words: list[str] = []
     for parameter in context.command.params:
         name = parameter.name or ""
@@ -172,7 +167,7 @@ def _typed_options(context: typer.Context) -> list[str]:
             words.append(parameter.opts[0])
             if one is not True:
                 words.append(str(getattr(one, "value", one)))
-    return words
+    os.execv(sys.executable, [sys.executable, "-P", "-m", "motiondeck", "play", *chosen, *words, *ports])
 
 
 def name_failing(source: MotionLibrary | Clip) -> None:

@@ -58,7 +58,18 @@ def train(
     recognizer = train_recognizer(dataset, look, experts, STRETCHES)
     save_recognizer(recognizer, out, licence)
     if as_json:
-        print(json.dumps(describe(recognizer) | {"written": str(out), "skipped": dataset.skipped}))
+        facts = {
+            "motions": list(recognizer.bank.classes),
+            "clips": recognizer.clips,
+            "neurons": recognizer.bank.recipe.neurons,
+            "groups": recognizer.bank.recipe.groups,
+            "leak": recognizer.bank.recipe.leak,
+            "channels": recognizer.bank.readouts.shape[2],
+            "joints": list(recognizer.recipe.joints),
+            "rate_hz": recognizer.recipe.rate,
+            "threshold": recognizer.threshold,
+        }
+        print(json.dumps(facts | {"written": str(out), "skipped": dataset.skipped}))
     else:
         of = counted(len(recognizer.bank.classes), "motion")
         print(f"{counted(recognizer.clips, 'clip')} of {of}: {', '.join(recognizer.bank.classes)}")
@@ -143,21 +154,6 @@ def _streamed(recognizer: Recognizer, clip: Any) -> dict[str, Any]:
             spans.append({"from_s": at, "to_s": at, "motion": seen})
         spans[-1]["to_s"] = at + 1.0 / recognizer.recipe.rate
     return {"frames": online.frames, "frame_us_median": float(np.median(took)) * 1e6, "spans": spans}
-
-
-def describe(recognizer: Recognizer) -> dict[str, Any]:
-    """The facts of a recognizer, for scripts."""
-    return {
-        "motions": list(recognizer.bank.classes),
-        "clips": recognizer.clips,
-        "neurons": recognizer.bank.recipe.neurons,
-        "groups": recognizer.bank.recipe.groups,
-        "leak": recognizer.bank.recipe.leak,
-        "channels": recognizer.bank.readouts.shape[2],
-        "joints": list(recognizer.recipe.joints),
-        "rate_hz": recognizer.recipe.rate,
-        "threshold": recognizer.threshold,
-    }
 
 
 def read(data: Path) -> Dataset:

@@ -176,12 +176,33 @@ def summary(report: dict[str, Any]) -> str:
     """A report in a few lines: what happened, then the figures."""
     seconds = report["ticks"] / report["rate_hz"] if report["ticks"] else 0.0
     ended = f"ended after {seconds:.1f} s" if report["ticks"] else "ended before anything moved"
-    return "\n".join([f"{ended}: {report['reason']}", *_happened(report), *_figures(report)])
+    lines = [f"{ended}: {report['reason']}", *_happened(report)]
+    late, work = report["lateness_us"], report["work_us"]
+    if "rig" in report:
+        rig = report["rig"]
+        error = rig["tracking_rmse_rad"]
+        lines.append(
+            f"rig: {counted(rig['joints'], 'joint')} at {rig['hz']:g} Hz, {counted(rig['faults'], 'fault')}"
+            + (f", tracking error {np.degrees(error):.2f} deg (rms)" if error is not None else "")
+        )
+    lines.append(
+        f"loop: {report['ticks']} ticks at {report['rate_hz']:.2f} Hz; {report['overruns']} began more than a period "
+        f"late, {report['skipped']} were skipped"
+    )
+    lines.append(
+        f"tick: {late['p50']:.0f} us late in the median, {late['p999']:.0f} us at p99.9; "
+        f"{work['p50']:.0f} us of work in the median"
+    )
+    return "\n".join(lines)
 
 
 def _happened(report: dict[str, Any]) -> list[str]:
     lines = [f"{verdict['name']}: {verdict['words']}" for verdict in report.get("verdicts", ())]
-    lines += _held_back(report.get("limited", {}), report["ticks"])
+    held_back = [one for one in report.get("limited", {}).items() if one[1] > _OFTEN * report["ticks"]]
+    if often := sorted(held_back, key=lambda item: -item[1]):
+        most = ", ".join(f"{joint} ({count} of {report['ticks']} ticks)" for joint, count in often[:3])
+        more = f" and {counted(len(often) - 3, 'more joint')}" if len(often) > 3 else ""
+        lines.append(f"held back: {most}" + more)
     if report["switches"]:
         times = [s["settled_s"] - s["commanded_s"] for s in report["switches"] if s["settled_s"] is not None]
         median = " (median)" if len(times) > 1 else ""
@@ -213,33 +234,4 @@ def _happened(report: dict[str, Any]) -> list[str]:
 
         lines += summary_lines(report["recognition"])
     lines += [f"output {o['name']} was parked: {o['fault']}" for o in report["outputs"] if o["parked"]]
-    return lines
-
-
-def _held_back(limited: dict[str, int], ticks: int) -> list[str]:
-    often = sorted((item for item in limited.items() if item[1] > _OFTEN * ticks), key=lambda item: -item[1])
-    if not often:
-        return []
-    most = ", ".join(f"{joint} ({count} of {ticks} ticks)" for joint, count in often[:3])
-    return [f"held back: {most}" + (f" and {counted(len(often) - 3, 'more joint')}" if len(often) > 3 else "")]
-
-
-def _figures(report: dict[str, Any]) -> list[str]:
-    late, work = report["lateness_us"], report["work_us"]
-    lines: list[str] = []
-    if "rig" in report:
-        rig = report["rig"]
-        error = rig["tracking_rmse_rad"]
-        lines.append(
-            f"rig: {counted(rig['joints'], 'joint')} at {rig['hz']:g} Hz, {counted(rig['faults'], 'fault')}"
-            + (f", tracking error {np.degrees(error):.2f} deg (rms)" if error is not None else "")
-        )
-    lines.append(
-        f"loop: {report['ticks']} ticks at {report['rate_hz']:.2f} Hz; {report['overruns']} began more than a period "
-        f"late, {report['skipped']} were skipped"
-    )
-    lines.append(
-        f"tick: {late['p50']:.0f} us late in the median, {late['p999']:.0f} us at p99.9; "
-        f"{work['p50']:.0f} us of work in the median"
-    )
     return lines

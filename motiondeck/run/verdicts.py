@@ -11,7 +11,7 @@ import os
 import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cache, cached_property, lru_cache
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -67,7 +67,9 @@ class Judged:
         for name in names:
             if name not in known:
                 known[name] = next(made)
-                self._keep(name, known[name])
+                tables = _read(self._file)
+                mine = tables.pop(self._key, {}) | {name: known[name]}
+                keep(self._file, msgspec.json.encode(dict([*tables.items()][1 - KEPT :]) | {self._key: mine}))
             yield from known[name]
 
     def switches(self, names: Sequence[str], jobs: Jobs | None = None) -> Iterator[RobotVerdict]:
@@ -88,19 +90,14 @@ class Judged:
 
     @cached_property
     def _key(self) -> str:
-        from sim.robots.robot_digest import robot_digest
+        from sim.robots.robot_digest import code_digest, robot_digest
 
+        code = code_digest(Path(__file__), Path(__file__).with_name("sampled_motions.py"))
         settings = robot_digest(self.robot), self.root, self.balance, self.walk, self.tempo
-        digest = hashlib.sha256(repr(settings).encode() + _code())
+        digest = hashlib.sha256(repr(settings).encode() + code)
         for file in (self.library, self.rig):
             digest.update(hashlib.sha256(file.read_bytes() if file is not None else b"").digest())
         return digest.hexdigest()
-
-    def _keep(self, row: str, verdicts: list[RobotVerdict]) -> None:
-        tables = _read(self._file)
-        mine = tables.pop(self._key, {}) | {row: verdicts}
-        latest = dict([*tables.items()][1 - KEPT :]) | {self._key: mine}
-        keep(self._file, msgspec.json.encode(latest))
 
 
 def _read(file: Path) -> Tables:
@@ -108,13 +105,6 @@ def _read(file: Path) -> Tables:
         return msgspec.json.decode(file.read_bytes(), type=Tables)
     except (OSError, msgspec.MsgspecError, UnicodeDecodeError):
         return {}
-
-
-@cache
-def _code() -> bytes:
-    from sim.robots.robot_digest import code_digest
-
-    return code_digest(Path(__file__), Path(__file__).with_name("sampled_motions.py"))
 
 
 def _judge(judged: Judged, row: str) -> list[RobotVerdict]:

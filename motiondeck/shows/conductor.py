@@ -4,6 +4,7 @@ import math
 import os
 import time
 from collections.abc import Callable
+from itertools import product
 
 from controller.wire.messages.commands import DeckCommand
 from motiondeck.shows import messages
@@ -14,7 +15,7 @@ from motiondeck.shows.membership import CONDUCTOR
 from motiondeck.shows.messages import CommonRound
 from motiondeck.shows.seen_decks import SeenDeck, SeenDecks
 from motiondeck.shows.show_file import Show, ShowCue, show_command
-from motiondeck_base.errors import MotiondeckError
+from motiondeck_base.errors import MotiondeckError, UnknownNameError
 from motiondeck_base.mailbox import Mailbox
 
 # Cues fall on multiples of this, s: then they fall on ticks of decks at 50, 100, 200, 250, 500 and 1000 Hz, which the
@@ -50,7 +51,8 @@ class Conductor:
         self._seen = SeenDecks(show, self._run, notify, now)
         self.decks = self._seen.by_name
         self.given: dict[int, float] = {}  # the time of each cue that was sent, s, by its number from 0
-        link.answer("clock", self._time)
+        lost = show.if_lost, show.lost_after
+        link.answer("clock", lambda: messages.encode(messages.Time(self._run, now(), *lost, self._stops.latest)))
         link.subscribe("health/*", self._receive)
         link.subscribe("stop", self._receive)
         link.watch("deck/*", lambda key, here: self._arrived.put((f"here/{key}", b"1" if here else b"")))
@@ -82,10 +84,14 @@ class Conductor:
             while (
                 due := self.cues.due(now, lambda when, cue: not self._seen.lacking(when, cue.receivers))
             ) is not None:
-                self._send_show_cue(*due)
+                number, cue, at = due
+                at, name, present = _on_grid(at), self.cue_name(number), self._seen.present_names
+                self.given[number] = at
+                decks = self.show.members(cue.receivers, present)
+                self._send(name, at, cue.receivers, decks, cue.commands, self._step_of(cue, decks, at))
+                self._notify(f"{name}: {_receivers(decks, present)}")
         self._report_stop(now)
-        self._report_waiting()
-        self._report_lacking(now)
+        self._report_waiting(now)
         return 0.01
 
     def close(self) -> None:
@@ -127,9 +133,10 @@ class Conductor:
         if self.stopped_by:
             raise MotiondeckError("the emergency stop is on; reset it at each deck, then: go")
         command = show_command(line)
-        for deck in decks:
-            for motion in command.motions:
-                self._seen.check_plays(deck, motion)
+        for deck, motion in product(decks, command.motions):
+            about = self._seen[deck].about
+            if about is not None and motion not in about.rounds:
+                raise UnknownNameError(f"{deck}: {UnknownNameError.among('motion', motion, about.rounds)}")
         self._send(line, _on_grid(self.now() + self.show.lead), names, decks, [command], None)
         return f"{_receivers(decks, self._seen.present_names)}: {line}"
 
@@ -143,11 +150,6 @@ class Conductor:
 
     def _receive(self, key: str, data: bytes) -> None:
         self._arrived.put((key, data))
-
-    def _time(self) -> bytes:
-        return messages.encode(
-            messages.Time(self._run, self.now(), self.show.if_lost, self.show.lost_after, self._stops.latest)
-        )
 
     def _take(self, key: str, data: bytes) -> None:
         kind, _, name = key.partition("/")
@@ -198,22 +200,17 @@ class Conductor:
 
     # Cues.
 
-    def _send_show_cue(self, number: int, cue: ShowCue, at: float) -> None:
-        at = self.given[number] = _on_grid(at)
-        name = self.cue_name(number)
-        present = self._seen.present_names
-        decks = self.show.members(cue.receivers, present)
-        self._send(name, at, cue.receivers, decks, cue.commands, self._step_of(cue, decks, at))
-        self._notify(f"{name}: {_receivers(decks, present)}")
-
     def _step_of(self, cue: ShowCue, decks: list[str], at: float) -> CommonRound | None:
         if cue.in_step is False:
             return None
         if cue.in_step is not True:
             return CommonRound(at, cue.in_step)
-        seconds = self._seen.round_of(cue.motions, decks)
-        if seconds is not None:
-            return CommonRound(at, seconds)
+        for motion, deck in product(
+            cue.motions, decks
+        ):  # the first motion of which a deck knows how long a round takes
+            about = self._seen[deck].about
+            if about is not None and (seconds := about.rounds.get(motion, 0.0)) > 0.0:
+                return CommonRound(at, seconds)
         self._notify(f"{cue.name or 'the cue'}: no deck knows how long a round takes, so none are in step")
         return None
 
@@ -238,16 +235,14 @@ class Conductor:
                 self._link.publish("cue", messages.encode(cues.cue(self._run, deck.name, deck.joined)))
                 self._notify(f"{deck.name} joins")
 
-    def _report_waiting(self) -> None:
-        cue = self.cues.next if self.cues.waits else None
-        if cue is not self._reported_waiting:
-            self._reported_waiting = cue
-            if cue is not None:
-                self._notify(f"waits for go: {self._next_name}")
-
-    def _report_lacking(self, now: float) -> None:
-        """Reports what the next cue waits for when it takes long, and again when that has changed."""
+    def _report_waiting(self, now: float) -> None:
+        """Reports that the next cue waits for `go`, or for what when it takes long, and again when that has changed."""
         cue = self.cues.next
+        waiting = cue if self.cues.waits else None
+        if waiting is not self._reported_waiting:
+            self._reported_waiting = waiting
+            if waiting is not None:
+                self._notify(f"waits for go: {self._next_name}")
         if cue is None or cue.when is None or self.cues.waits or self.stopped_by:
             return
         lacking = self._seen.lacking(cue.when, cue.receivers)

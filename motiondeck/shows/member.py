@@ -97,7 +97,11 @@ class Member:
         for sent, received, data in self._answers.take():
             self._take_time(sent, received, data)
         for key, data in self._arrived.take():
-            self._take(key, data)
+            if key == "stop" and (stop := messages.read(data, messages.EmergencyStopAll)) is not None:
+                self._take_stop(stop)
+            cue = messages.read(data, messages.TimedCue) if key == "cue" else None
+            if cue is not None and self._name in cue.decks and cue.run == self._time.run:
+                self._take_cue(cue)
         self._carry_out()
         for message, sender in self._leader.poll():
             self._leader.reply(sender, self._reply(message))
@@ -149,7 +153,10 @@ class Member:
         if not self._time.run:
             self._joined_at = min(self._joined_at, received + _LISTENS)
         for stop in answer.stops:
-            self._take_known_stop(stop)
+            if stop in self._stops or (stop.over and not self._time.run):  # it was over before this deck took part
+                self._stops.add(stop)
+            else:  # also one that is over stops a deck that was cut meanwhile
+                self._take_stop(msgspec.structs.replace(stop, over=False))
         if answer.run != self._time.run:
             self._resumes_at = received + _LISTENS
             self._notify(f"the show has {'another' if self._time.run else 'a'} conductor")
@@ -188,13 +195,6 @@ class Member:
             self._stop_deck(None)
 
     # Cues.
-
-    def _take(self, key: str, data: bytes) -> None:
-        if key == "stop" and (stop := messages.read(data, messages.EmergencyStopAll)) is not None:
-            self._take_stop(stop)
-        cue = messages.read(data, messages.TimedCue) if key == "cue" else None
-        if cue is not None and self._name in cue.decks and cue.run == self._time.run:
-            self._take_cue(cue)
 
     def _take_cue(self, cue: messages.TimedCue) -> None:
         """Gives the deck a cue ahead of its time: its loop is punctual, and this process may not get a core then."""
@@ -305,13 +305,6 @@ class Member:
         self._joined_at = self._now()
         self._notify(f"emergency stop by {'the conductor' if stop.by == CONDUCTOR else stop.by}")
         self._link.publish("stop", messages.encode(stop))
-
-    def _take_known_stop(self, stop: messages.EmergencyStopAll) -> None:
-        """Takes a stop that the conductor knows; one that is over still stops a deck that was cut meanwhile."""
-        if stop in self._stops or (stop.over and not self._time.run):  # it was over before this deck took part
-            self._stops.add(stop)
-        else:
-            self._take_stop(msgspec.structs.replace(stop, over=False))
 
     def _note_mode(self, mode: str) -> None:
         if mode != "emergency stop" and self._held:

@@ -92,21 +92,6 @@ class SeenDecks:
             raise MotiondeckError(f"not here: {', '.join(decks)}" if decks else "no deck is here yet")
         return decks
 
-    def check_plays(self, name: str, motion: str) -> None:
-        """Checks that a deck has a motion, as far as that is known; UnknownNameError if not; it names the nearest."""
-        about = self[name].about
-        if about is not None and motion not in about.rounds:
-            raise UnknownNameError(f"{name}: {UnknownNameError.among('motion', motion, about.rounds)}")
-
-    def round_of(self, motions: list[str], decks: list[str]) -> float | None:
-        """How long a round takes of the first of some motions of which a deck knows it, s."""
-        for motion in motions:
-            for name in decks:
-                about = self[name].about
-                if about is not None and (seconds := about.rounds.get(motion, 0.0)) > 0.0:
-                    return seconds
-        return None
-
     def see(self, name: str, *, here: bool) -> None:
         """Notes that a deck has come or gone."""
         deck = self[name]

@@ -11,7 +11,6 @@ from motiondeck.shows.show_file import ShowCue
 
 if TYPE_CHECKING:
     from motiondeck.shows.conductor import Conductor
-    from motiondeck.shows.seen_decks import SeenDeck
 
 
 class DeckRow(msgspec.Struct, frozen=True):
@@ -55,6 +54,11 @@ def show_state(conductor: Conductor) -> ShowState:
     sent = min((number for number, at in conductor.given.items() if at > now), default=None)
     upcoming = sent if sent is not None else cues.number if cues.next is not None else None
     at = conductor.given[sent] if sent is not None else cues.next_at
+    decks = list[DeckRow]()
+    for _, deck in sorted(conductor.decks.items()):
+        robot, library, host = (one.robot, one.library, one.host) if (one := deck.about) is not None else ("", "", "")
+        heard_ago, stop = now - deck.heard, conductor.stop_at(deck)
+        decks.append(DeckRow(deck.name, robot, library, host, deck.here, deck.losses, heard_ago, deck.health, stop))
     return ShowState(
         show=conductor.show.show,
         cues=conductor.show.cues,
@@ -63,11 +67,5 @@ def show_state(conductor: Conductor) -> ShowState:
         seconds=max(at - now, 0.0) if at is not None else None,
         waits=sent is None and cues.waits,
         stopped_by=conductor.stopped_by,
-        decks=[_row(deck, now, conductor.stop_at(deck)) for _, deck in sorted(conductor.decks.items())],
+        decks=decks,
     )
-
-
-def _row(deck: SeenDeck, now: float, stop: StopAt) -> DeckRow:
-    about, health = deck.about, deck.health
-    robot, library, host = (about.robot, about.library, about.host) if about is not None else ("", "", "")
-    return DeckRow(deck.name, robot, library, host, deck.here, deck.losses, now - deck.heard, health, stop)

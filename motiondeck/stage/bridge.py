@@ -70,10 +70,15 @@ class Bridge:
             if not (self._waiting and self._waiting[0][0] <= now):
                 break
             self._give(heapq.heappop(self._waiting)[2], now)
-        running = self._receive()
-        if running:
-            self._ask(now)
-        return running
+        if not self._receive():
+            return False
+        if now >= self._subscribe_at:
+            self._subscribe_at = now + _SUBSCRIBED_FOR
+            self._post(Subscribe())
+        if now >= self._ask_at:
+            self._ask_at = now + STATE_EVERY
+            self._post(GetStatus())
+        return True
 
     def _take(self, signal: Signal) -> None:
         if isinstance(signal.command, EmergencyStop):
@@ -108,14 +113,6 @@ class Bridge:
             self._waiting.clear()
             return None
 
-    def _ask(self, now: float) -> None:
-        if now >= self._subscribe_at:
-            self._subscribe_at = now + _SUBSCRIBED_FOR
-            self._post(Subscribe())
-        if now >= self._ask_at:
-            self._ask_at = now + STATE_EVERY
-            self._post(GetStatus())
-
     def _receive(self) -> bool:
         """Passes on replies and events of the deck; False when it has ended."""
         while (reply := self._client.receive(0.0)) is not None:
@@ -123,18 +120,15 @@ class Bridge:
             if signal is not None:
                 self._answered(signal.source, signal.command, reply)
             elif isinstance(reply, State):
-                self._show(reply)
+                lock = reply.lock.state if reply.lock is not None else "none"
+                if lock != self._lock:
+                    self._lock = lock
+                    self._notify(str(reply.lock) if reply.lock is not None else "locked to nothing")
+                if self._output is not None:
+                    self._output.state(reply)
             elif isinstance(reply, Event):
                 if self._output is not None:
                     self._output.event(reply)
                 if reply.kind == "ended":
                     return False
         return True
-
-    def _show(self, state: State) -> None:
-        lock = state.lock.state if state.lock is not None else "none"
-        if lock != self._lock:
-            self._lock = lock
-            self._notify(str(state.lock) if state.lock is not None else "locked to nothing")
-        if self._output is not None:
-            self._output.state(state)

@@ -8,7 +8,7 @@ from __future__ import annotations
 import contextlib
 import os
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -74,13 +74,11 @@ class SystemPort:
 
         self._came = Mailbox[tuple[float, "mido.Message"]](4096)
         try:
-            self._port: Any = mido.open_input(name, callback=self._take)  # pyright: ignore
+            put = self._came.put
+            self._port: Any = mido.open_input(name, callback=lambda one: put((time.monotonic(), one)))  # pyright: ignore
         except BaseException:
             self._came.close()
             raise
-
-    def _take(self, message: mido.Message) -> None:
-        self._came.put((time.monotonic(), message))
 
     def fileno(self) -> int:
         """Readable when messages have come."""
@@ -146,32 +144,27 @@ class MidiInput:
         for at, message in self._port.messages(now):
             yield from self._signals(at, message)
 
-    def _signals(self, at: float, message: Any) -> Iterable[Signal]:
+    def _signals(self, at: float, message: Any) -> Iterator[Signal]:
         # mido's messages have attributes by their type.
         stage = self._stage
         match message.type:
             case "note_on" if message.velocity and stage.channel in (None, message.channel):
                 if message.note in stage.notes:
-                    return self._given(at, f"note {message.note}", stage.notes[message.note])
+                    yield from self._given(at, f"note {message.note}", stage.notes[message.note])
             case "control_change" if message.control in stage.controls and stage.channel in (None, message.channel):
                 pattern, value = stage.controls[message.control], control_values(message.value)
-                return self._given(at, f"control {message.control}", pattern, value)
+                yield from self._given(at, f"control {message.control}", pattern, value)
             case "quarter_frame":
-                return self._cues(at, message.frame_type, message.frame_value)
+                passed = self._timecode.quarter_frame(message.frame_type, message.frame_value)
+                for cue, pattern in stage.cues.items():
+                    if passed is not None and passed.contains(cue):
+                        yield from self._given(at, "{:02}:{:02}:{:02}:{:02}".format(*cue), pattern)
             case "sysex" if len(message.data) > 3 and (message.data[0], *message.data[2:4]) == _FULL_FRAME:
                 self._timecode.locate()
             case "clock" | "start" | "stop" | "continue" | "songpos" if stage.clock:
                 position = message.pos if message.type == "songpos" else 0
                 if self._clock.take(message.type, position):
-                    return [Signal(at, "clock", GiveBeat())]
-        return []
-
-    def _cues(self, at: float, piece: int, nibble: int) -> Iterator[Signal]:
-        passed = self._timecode.quarter_frame(piece, nibble)
-        if passed is not None:
-            for cue, pattern in self._stage.cues.items():
-                if passed.contains(cue):
-                    yield from self._given(at, "{:02}:{:02}:{:02}:{:02}".format(*cue), pattern)
+                    yield Signal(at, "clock", GiveBeat())
 
     def _given(
         self, at: float, source: str, pattern: CommandPattern, value: tuple[float, float] = (1.0, 1.0)

@@ -3,6 +3,7 @@
 import hashlib
 import re
 from collections.abc import Iterator
+from functools import cache
 from itertools import chain
 from pathlib import Path
 
@@ -29,6 +30,7 @@ def robot_digest(robot: Path) -> str:
     return digest.hexdigest()
 
 
+@cache
 def code_digest(*others: Path) -> bytes:
     """The digest of the code of controller and sim, of other files, and of the versions of MuJoCo and numpy."""
     packages = [sorted(Path(package.__path__[0]).rglob("*.py")) for package in (controller, sim)]

@@ -50,7 +50,12 @@ def show(
     if as_json:
         print(json.dumps(known))
     elif is_rig:
-        _print_joints(known)
+        rows = {"motion": f"{known['name']} ({known['source']}), {known['plays'] or 'loop or once is not said'}"}
+        rows["length"] = f"{known['frames']} frames at {known['rate']:g} Hz, {known['duration']:.2f} s"
+        for joint, figures in known["joints"].items():
+            lower, upper, speed = map(math.degrees, figures.values())
+            rows[joint] = f"{lower:+.1f} to {upper:+.1f} deg, at most {speed:.0f} deg/s"
+        show_facts(rows)
     else:
         _print(known)
 
@@ -238,15 +243,6 @@ def _mirror_signs(file: Path | None) -> dict[str, int]:
     from sim.models.kinematic_tree import mirror_signs
 
     return mirror_signs(file)
-
-
-def _print_joints(known: dict[str, Any]) -> None:
-    rows = {"motion": f"{known['name']} ({known['source']}), {known['plays'] or 'loop or once is not said'}"}
-    rows["length"] = f"{known['frames']} frames at {known['rate']:g} Hz, {known['duration']:.2f} s"
-    for joint, figures in known["joints"].items():
-        lower, upper, speed = map(math.degrees, figures.values())
-        rows[joint] = f"{lower:+.1f} to {upper:+.1f} deg, at most {speed:.0f} deg/s"
-    show_facts(rows)
 
 
 def _print(known: dict[str, Any]) -> None:

@@ -7,7 +7,6 @@ import json
 import math
 import sys
 import time
-from contextlib import ExitStack
 from dataclasses import dataclass, field
 from itertools import count
 from pathlib import Path
@@ -89,9 +88,7 @@ def teach(
         raise MotiondeckError(f"--seconds {seconds:g} is not between 0 and 3600")
     if folder:
         out.mkdir(exist_ok=True)
-    with ExitStack() as opened:
-        opened.enter_context(ended_by_sigterm())
-        parts = opened.enter_context(open_buses(session.config, port))
+    with ended_by_sigterm(), open_buses(session.config, port) as parts:
         if seconds is None:
             session.typed.ask("The torque goes off: hold what would fall, then press Enter ")
         for part, bus in parts:

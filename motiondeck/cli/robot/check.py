@@ -59,16 +59,6 @@ def answer(rows: Sequence[dict[str, Any]]) -> str:
     return f"{counted(len(rows), 'recording')}: {', '.join(filter(None, (verdicts, *found)))}"
 
 
-def off_limits(row: dict[str, Any]) -> dict[str, list[str]]:
-    """A phrase for each segment of a row that points further off than the limit, by cause."""
-    found: dict[str, list[str]] = {}
-    for name, off in row.get("limbs_deg", {}).items():
-        for phrase in beyond_limits({name: (off["mean"], off["worst"])}):
-            best = f"out of reach: {off['best_mean']:.0f} and {off['best_worst']:.0f}"
-            found.setdefault(off["cause"], []).append(f"{phrase} at {off['worst_at_s']:.2f} s ({best})")
-    return found
-
-
 def remarks(rows: Sequence[dict[str, Any]]) -> list[str]:
     """A line for each problem of a recording, then what to do about each kind."""
     found, checks = [], dict[str, None]()
@@ -79,7 +69,11 @@ def remarks(rows: Sequence[dict[str, Any]]) -> list[str]:
             continue
         if row["left_out"]:
             found.append(f"a pose before the motion is left out: {clip}, frames: {row['left_out']}")
-        limbs = off_limits(row)
+        limbs: dict[str, list[str]] = {}  # a phrase for each segment that points further off than the limit, by cause
+        for name, off in row.get("limbs_deg", {}).items():
+            for phrase in beyond_limits({name: (off["mean"], off["worst"])}):
+                best = f"out of reach: {off['best_mean']:.0f} and {off['best_worst']:.0f}"
+                limbs.setdefault(off["cause"], []).append(f"{phrase} at {off['worst_at_s']:.2f} s ({best})")
         if limbs or not passes(row):
             found.append(f"{clip}: {row['verdict'].words}")
         found += [f"{clip}: {cause}: {'; '.join(phrases)}" for cause, phrases in limbs.items()]

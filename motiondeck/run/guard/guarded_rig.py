@@ -148,15 +148,8 @@ class GuardedRig:
         self.config.joints[joint].check_restartable()
         self._link.send(messages.ServoDeed(joint, "restart"))
 
-    def registers(self, joint: int, write: tuple[str, int] | None = None) -> Awaited:
-        """Has all registers of a servo read, and before that a count written into one of them."""
-        return self._ask(joint, write)
-
-    def scan(self) -> Awaited:
-        """Has every ID on the ports asked."""
-        return self._ask()
-
-    def _ask(self, joint: int | None = None, write: tuple[str, int] | None = None) -> Awaited:
+    def ask(self, joint: int | None = None, write: tuple[str, int] | None = None) -> Awaited:
+        """Has all registers of a servo read, and before that a count written into one of them; or all IDs asked."""
         self._link.send(messages.QueryServos(number := next(self._numbers), joint, write))
         came = self._asked[number] = []
         return lambda: came[0] if came else None

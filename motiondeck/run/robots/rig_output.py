@@ -122,11 +122,11 @@ class RigOutput:
 
     def registers(self, joint: str, write: tuple[str, int] | None = None) -> Awaited:
         """Has a servo's registers read, after a count is written into one of them; UnknownNameError without it."""
-        return self._guard.registers(self._place(joint), write)
+        return self._guard.ask(self._place(joint), write)
 
     def scan(self) -> Awaited:
         """Scans the rig's ports for servos."""
-        return self._guard.scan()
+        return self._guard.ask()
 
     @property
     def _guard(self) -> GuardedRig:

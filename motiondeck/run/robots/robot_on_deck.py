@@ -86,18 +86,14 @@ class RobotOnDeck:
         stage = self.simulation.stage
         return stage if self.simulation.root != "fixed" and isinstance(stage, Pushable) else None
 
-    @property
-    def outputs(self) -> list[Channel]:
-        """The rig before the simulation, because an approach starts from where the first output measures the joints."""
-        return [channel for channel in (self.rig, Channel(self.simulation.stage)) if channel is not None]
-
 
 def channels_of(robots: Sequence[RobotOnDeck]) -> list[Channel]:
     """The outputs of all robots; of several, each gets only the targets of its joints."""
     channels: list[Channel] = []
     count, first = sum(len(robot.own_joints) for robot in robots), 0
     for robot in robots:
-        for channel in robot.outputs:
+        # The rig goes first, because an approach starts from where the first output measures the joints.
+        for channel in filter(None, (robot.rig, Channel(robot.simulation.stage))):
             if len(robots) > 1:
                 channel.output = RobotOutput(channel.output, first, len(robot.own_joints), count, robot.prefix)
             channels.append(channel)

@@ -40,7 +40,11 @@ def able_to_walk(robot: Robot, file: Path) -> Robot:
     """
     if robot.walk != WalkSettings():
         return robot
-    kept = user_cache() / "walks" / f"{_fingerprint(robot)}.json"
+    model = np.empty(mujoco.mj_sizeModel(robot.model), np.uint8)
+    mujoco.mj_saveModel(robot.model, None, model)
+    limits = [part.tolist() for part in (robot.limits.lower, robot.limits.upper, robot.limits.velocity)]
+    rest = msgspec.json.encode([limits, robot.rest.tolist(), robot.servo, WALKS, code_digest(Path(__file__))])
+    kept = user_cache() / "walks" / f"{hashlib.sha256(model.tobytes() + rest).hexdigest()[:32]}.json"
     try:
         choice = msgspec.json.decode(kept.read_bytes(), type=WalkChoice)
     except (OSError, msgspec.DecodeError):
@@ -72,11 +76,3 @@ def choose_walk(file: Path) -> WalkChoice:
                 "`motiondeck robot tune-walk`, or leave --walk; --root gantry carries it"
             )
     return WalkChoice(None, reason)
-
-
-def _fingerprint(robot: Robot) -> str:
-    model = np.empty(mujoco.mj_sizeModel(robot.model), np.uint8)
-    mujoco.mj_saveModel(robot.model, None, model)
-    limits = [part.tolist() for part in (robot.limits.lower, robot.limits.upper, robot.limits.velocity)]
-    rest = msgspec.json.encode([limits, robot.rest.tolist(), robot.servo, WALKS, code_digest(Path(__file__))])
-    return hashlib.sha256(model.tobytes() + rest).hexdigest()[:32]

@@ -65,7 +65,7 @@ def test_what_a_verdict_depends_on_makes_it_anew(judged, changed, monkeypatch):
     elif changed == "robot":
         judged.robot.write_text(judged.robot.read_text() + "\n")
     elif changed == "code":
-        monkeypatch.setattr(module, "_code", lambda: b"another")
+        monkeypatch.setattr("sim.robots.robot_digest.code_digest", lambda *_: b"another")
     else:
         settings = {"tempo": {"tempo": 0.5}, "root": {"root": "free"}}[changed]
     later = anew(judged, **settings)

@@ -168,17 +168,17 @@ def answer(rig, ask):
 def test_what_is_asked_of_servos_is_answered_beside_the_targets():
     with served(CONFIG) as (servos, port), guarded(port) as rig:
         play(rig, 0.2)
-        reading, other = rig.registers(0), rig.registers(1, ("led", 1))
+        reading, other = rig.ask(0), rig.ask(1, ("led", 1))
         wait(rig, lambda: reading() and other(), "the registers")
         assert counts(reading())["torque_enable"] == 1
         assert "while its torque is off" in other().reason
         rig.switch_off(1)
         wait(rig, lambda: not servos[2]["torque_enable"], "the torque that goes off")
-        assert counts(answer(rig, lambda: rig.registers(1, ("led", 1))))["led"] == 1
+        assert counts(answer(rig, lambda: rig.ask(1, ("led", 1))))["led"] == 1
         assert "was switched off on command" in [incident.what for incident in rig.incidents]
         rig.set_up_again(1)
         wait(rig, lambda: servos[2]["torque_enable"], "the torque")
-        scan = answer(rig, rig.scan)
+        scan = answer(rig, rig.ask)
         assert [(servo.joint, servo.servo, servo.model) for servo in scan.servos] == [
             ("pan", 1, "XM430-W350"),
             ("tilt", 2, "XM430-W350"),
