@@ -74,13 +74,23 @@ def show(
       motiondeck library show thesis15 --robot servo20
     """
     from controller.library.motion_library import load_library
-    from motiondeck.cli.common.library_report import print_table, report
+    from motiondeck.cli.common.library_report import print_errors, print_table, report
     from motiondeck.cli.common.verdict_report import print_verdicts, verdicts_on
 
     path = find_library(library)
     loaded = load_library(path)
     if recording is not None:
-        _judge_anew(loaded, path, recording, as_json)
+        from controller.learning.fit import judge_against
+
+        motions = judge_against(loaded, path, recording)
+        if as_json:
+            print(json.dumps({"motions": msgspec.to_builtins(motions)}))
+        else:
+            print_errors(motions)
+            for motion in motions:
+                print(f"{motion.name}: {'passed' if motion.passed else motion.reason}")
+        if not all(motion.passed for motion in motions):
+            raise typer.Exit(1)
         return
     verdicts = verdicts_on(robot, path, list(loaded.network.motions))
     if as_json:
@@ -93,21 +103,6 @@ def show(
     print(f"seed      {loaded.info.seed}")
     print(f"licence   {loaded.info.licence}")
     print(f"thanks    {loaded.info.acknowledgement}")
-
-
-def _judge_anew(library: MotionLibrary, path: Path, recording: Path, as_json: bool) -> None:
-    from controller.learning.fit import judge_against
-    from motiondeck.cli.common.library_report import print_errors
-
-    motions = judge_against(library, path, recording)
-    if as_json:
-        print(json.dumps({"motions": msgspec.to_builtins(motions)}))
-    else:
-        print_errors(motions)
-        for motion in motions:
-            print(f"{motion.name}: {'passed' if motion.passed else motion.reason}")
-    if not all(motion.passed for motion in motions):
-        raise typer.Exit(1)
 
 
 @app.command("bake")

@@ -26,15 +26,27 @@ def plot_clip(recording: FittedClip, out: Path) -> None:
     clip = recording.clip
     figure = new_figure(12.0, 8.0)
     if clip.skeleton.is_rig:
-        _joints(figure.subplots(2, 1, sharex=True), clip)
+        angles, speeds = figure.subplots(2, 1, sharex=True)
+        time, shown = np.arange(len(clip)) / clip.rate, np.degrees(angles_of(clip.rotation[:, 1:]))
+        for joint, course in zip(clip.skeleton.bones, shown.T, strict=True):
+            angles.plot(time, course, label=joint)
+            speeds.plot(time, np.gradient(course, 1.0 / clip.rate) if len(clip) > 1 else 0.0 * time)
+        angles.set(ylabel="angle, deg", title=f"{clip.name} ({clip.source})")
+        angles.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=8)
+        speeds.set(ylabel="speed, deg/s", xlabel="s")
         save(figure, out)
         return
-    heights = [2.2, 1.0, 1.0] + ([0.8] if recording.fit is not None else [])
+    heights = [2.2, 1.0, 1.0] + ([0.8] if (fit := recording.fit) is not None else [])
     rows = figure.subplots(len(heights), 1, height_ratios=heights)
     _figures(rows[0], clip)
     _curves(rows[1], rows[2], clip)
-    if recording.fit is not None:
-        _gaps(rows[3], recording)
+    if fit is not None:  # the residuals of markers on the fitted body, and the number of missing markers
+        time, off = np.arange(len(fit.residual)) / fit.clip.rate, 1000.0 * fit.residual
+        seen = ~np.isnan(off)
+        mean = np.sqrt(np.where(seen, off, 0.0) ** 2 @ np.ones(off.shape[1]) / np.maximum(seen.sum(axis=1), 1))
+        rows[3].plot(time, mean, color=COLOUR["middle"], label="markers off, mm rms")
+        rows[3].plot(time, (~seen).sum(axis=1), color="#c0392b", label="markers not seen")
+        rows[3].legend(loc="upper right", fontsize=8)
     for lower in rows[2:]:
         lower.sharex(rows[1])
     rows[-1].set_xlabel("s")
@@ -96,30 +108,6 @@ def _curves(heights: Any, speeds: Any, clip: Clip) -> None:
         speeds.plot(time[1:], speed.max(axis=1), color="0.6", label="fastest joint")
         speeds.legend(loc="upper right", fontsize=8)
     speeds.set(ylabel="speed, m/s")
-
-
-def _joints(rows: Any, clip: Clip) -> None:
-    angles, speeds = rows
-    time, shown = np.arange(len(clip)) / clip.rate, np.degrees(angles_of(clip.rotation[:, 1:]))
-    for joint, course in zip(clip.skeleton.bones, shown.T, strict=True):
-        angles.plot(time, course, label=joint)
-        speeds.plot(time, np.gradient(course, 1.0 / clip.rate) if len(clip) > 1 else 0.0 * time)
-    angles.set(ylabel="angle, deg", title=f"{clip.name} ({clip.source})")
-    angles.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=8)
-    speeds.set(ylabel="speed, deg/s", xlabel="s")
-
-
-def _gaps(axes: Any, recording: FittedClip) -> None:
-    """The residuals of markers on the fitted body, and the number of missing markers."""
-    fit = recording.fit
-    assert fit is not None
-    time = np.arange(len(fit.residual)) / fit.clip.rate
-    off = 1000.0 * fit.residual
-    seen = ~np.isnan(off)
-    mean = np.sqrt(np.where(seen, off, 0.0) ** 2 @ np.ones(off.shape[1]) / np.maximum(seen.sum(axis=1), 1))
-    axes.plot(time, mean, color=COLOUR["middle"], label="markers off, mm rms")
-    axes.plot(time, (~seen).sum(axis=1), color="#c0392b", label="markers not seen")
-    axes.legend(loc="upper right", fontsize=8)
 
 
 def draw_segments(clip: Clip, report: dict[str, Any], path: Path) -> None:

@@ -141,30 +141,27 @@ class MidiInput:
 
     def read(self, now: float) -> Iterator[Signal]:
         """The commands of the messages that have come; raises a MidiGoneError if the port is gone."""
-        for at, message in self._port.messages(now):
-            yield from self._signals(at, message)
-
-    def _signals(self, at: float, message: Any) -> Iterator[Signal]:
-        # mido's messages have attributes by their type.
         stage = self._stage
-        match message.type:
-            case "note_on" if message.velocity and stage.channel in (None, message.channel):
-                if message.note in stage.notes:
-                    yield from self._given(at, f"note {message.note}", stage.notes[message.note])
-            case "control_change" if message.control in stage.controls and stage.channel in (None, message.channel):
-                pattern, value = stage.controls[message.control], control_values(message.value)
-                yield from self._given(at, f"control {message.control}", pattern, value)
-            case "quarter_frame":
-                passed = self._timecode.quarter_frame(message.frame_type, message.frame_value)
-                for cue, pattern in stage.cues.items():
-                    if passed is not None and passed.contains(cue):
-                        yield from self._given(at, "{:02}:{:02}:{:02}:{:02}".format(*cue), pattern)
-            case "sysex" if len(message.data) > 3 and (message.data[0], *message.data[2:4]) == _FULL_FRAME:
-                self._timecode.locate()
-            case "clock" | "start" | "stop" | "continue" | "songpos" if stage.clock:
-                position = message.pos if message.type == "songpos" else 0
-                if self._clock.take(message.type, position):
-                    yield Signal(at, "clock", GiveBeat())
+        message: Any  # mido's messages have attributes by their type
+        for at, message in self._port.messages(now):
+            match message.type:
+                case "note_on" if message.velocity and stage.channel in (None, message.channel):
+                    if message.note in stage.notes:
+                        yield from self._given(at, f"note {message.note}", stage.notes[message.note])
+                case "control_change" if message.control in stage.controls and stage.channel in (None, message.channel):
+                    pattern, value = stage.controls[message.control], control_values(message.value)
+                    yield from self._given(at, f"control {message.control}", pattern, value)
+                case "quarter_frame":
+                    passed = self._timecode.quarter_frame(message.frame_type, message.frame_value)
+                    for cue, pattern in stage.cues.items():
+                        if passed is not None and passed.contains(cue):
+                            yield from self._given(at, "{:02}:{:02}:{:02}:{:02}".format(*cue), pattern)
+                case "sysex" if len(message.data) > 3 and (message.data[0], *message.data[2:4]) == _FULL_FRAME:
+                    self._timecode.locate()
+                case "clock" | "start" | "stop" | "continue" | "songpos" if stage.clock:
+                    position = message.pos if message.type == "songpos" else 0
+                    if self._clock.take(message.type, position):
+                        yield Signal(at, "clock", GiveBeat())
 
     def _given(
         self, at: float, source: str, pattern: CommandPattern, value: tuple[float, float] = (1.0, 1.0)

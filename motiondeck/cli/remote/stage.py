@@ -7,7 +7,6 @@ import sys
 import time
 from contextlib import ExitStack, closing
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from typer import Argument
@@ -22,8 +21,6 @@ from motiondeck_base.shipped import find_library, find_stage
 from motiondeck_base.words import counted, printable
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from motiondeck.stage.bridge import Input
     from motiondeck.stage.stage_file import StageMap
 
@@ -74,7 +71,14 @@ def stage(
         opened.enter_context(closing(client))
         try:
             motions = state_of(client).motions
-            _check_motions(mapped, path, motions)
+            named = {motion: pattern for pattern in mapped.patterns for motion in pattern.motions}
+            problems = [
+                f"'{pattern.text}': {UnknownNameError.among('motion', motion, motions)}"
+                for motion, pattern in named.items()
+                if motion not in motions
+            ]
+            if problems:
+                raise FileFormatError.listing(str(path), problems)
             inputs: list[Input] = []
             if mapped.osc.port is not None:
                 inputs.append(opened.enter_context(closing(OscInput(mapped.osc.port, mapped.osc.commands, tell))))
@@ -97,17 +101,6 @@ def stage(
             raise MotiondeckError(f"{error}, so the deck was paused") from None
         except KeyboardInterrupt:
             sys.exit(130)
-
-
-def _check_motions(mapped: StageMap, path: Path, motions: Sequence[str]) -> None:
-    named = {motion: pattern for pattern in mapped.patterns for motion in pattern.motions}
-    problems = [
-        f"'{pattern.text}': {UnknownNameError.among('motion', motion, motions)}"
-        for motion, pattern in named.items()
-        if motion not in motions
-    ]
-    if problems:
-        raise FileFormatError.listing(str(path), problems)
 
 
 def _summary(mapped: StageMap) -> str:
