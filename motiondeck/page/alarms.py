@@ -6,9 +6,9 @@ from typing import Any, NamedTuple
 
 import viser
 
-from motiondeck.page.web.page_style import NOTICE_SECONDS
 from motiondeck.page.web.parts import PageParts
 
+NOTICE_SECONDS = 8.0
 BEFORE_NAMES = " Servos: "  # in an event with one cause
 
 

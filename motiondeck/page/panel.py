@@ -23,7 +23,7 @@ from motiondeck.page.operate import Operate, deck_buttons, deck_cues
 from motiondeck.page.scene import CAMERAS
 from motiondeck.page.web.page_state import PageDescription
 from motiondeck.page.web.page_style import CURRENT, QUIET, STOPS, STYLE
-from motiondeck.page.web.parts import PageParts, Then, ask
+from motiondeck.page.web.parts import PageParts, Then
 from motiondeck.page.web.private_page import PrivatePage
 from motiondeck.page.web.state_line import ended_line, state_line
 from motiondeck_base.errors import MotiondeckError
@@ -231,7 +231,7 @@ class Panel:
 
     def ask(self, event: viser.GuiEvent, title: str, text: str, yes: str, then: Then, no: str = "Cancel") -> None:
         """Asks for confirmation in the browser that clicked; `yes` sends a message or calls a function."""
-        ask(self._page, event, title, text, yes, then if callable(then) else partial(self.send, then), no)
+        self.parts.ask(event, title, text, yes, then if callable(then) else partial(self.send, then), no)
 
     def _tempo_moved(self, event: viser.GuiEvent) -> None:
         # A slider set by this program, not by a hand, reports no client.

@@ -19,7 +19,7 @@ from motiondeck.page.clip_page import Playhead, draw
 from motiondeck.page.keys.draft import Draft
 from motiondeck.page.scene import Scene
 from motiondeck.page.web.page_style import BAD, QUIET
-from motiondeck.page.web.parts import PageParts, ask
+from motiondeck.page.web.parts import PageParts
 from motiondeck.page.web.private_page import PrivatePage, served
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.words import counted
@@ -160,7 +160,7 @@ class KeysPage:
         self._hear(self._learn, self._learn_and_play)
         self._stop = gui.add_button("Stop playing", color=QUIET, hint="Ends the run; its joints come to rest")
         self._hear(self._stop, lambda _: rehearsal.stop())
-        parts = PageParts(page)
+        self._parts = parts = PageParts(page)
         heard = partial(self._do, self._hear_strip)
         self._strip = parts.add("key-strip", "key-strip", heard=lambda said, event: heard(event, said))
         self._hand = parts.add("key-hand", "key-hand")
@@ -265,7 +265,7 @@ class KeysPage:
         if library.exists() and not self._rehearsal.learned:
             doubts.append(f"{library.name} is there already, and is replaced.")
         start = partial(self._rehearsal.start, emulated=emulated)
-        ask(self._page, event, "Learn and play?", " ".join(doubts), "Go on", start) if doubts else start()
+        self._parts.ask(event, "Learn and play?", " ".join(doubts), "Go on", start) if doubts else start()
 
     def show(self, dt: float) -> None:
         """Lets time pass and draws the figure."""

@@ -33,7 +33,7 @@ class RigPanel:
         self._title = gui.add_html("")
         self._deeds = parts.add("button-row", "servo-deeds", heard=self._do)
         self._ask = ask
-        self._tables = ServoTables(parts.page, look, ask)
+        self._tables = ServoTables(parts, look, ask)
         self._off = False  # whether the chosen servo was switched off
 
     @property

@@ -9,8 +9,7 @@ from viser._gui_handles import GuiModalHandle
 from controller.wire.command_socket import CommandClient
 from controller.wire.messages.commands import DeckCommand, ReadRegisters, ScanPorts, WriteRegister
 from controller.wire.messages.replies import OnPorts, Refused, Registers
-from motiondeck.page.web.parts import Ask
-from motiondeck.page.web.private_page import PrivatePage
+from motiondeck.page.web.parts import Ask, PageParts
 from motiondeck_base.errors import MotiondeckError
 
 # Asks the deck and waits for what it finds; None where that was refused, which is shown.
@@ -42,8 +41,8 @@ def query_servos(
 class ServoTables:
     """Windows with tables, in the browser that requested them."""
 
-    def __init__(self, page: PrivatePage, look: Look, ask: Ask) -> None:
-        self._page, self._look, self._ask = page, look, ask
+    def __init__(self, parts: PageParts, look: Look, ask: Ask) -> None:
+        self._gui, self._look, self._ask = parts.gui_of, look, ask
 
     def scan(self, event: viser.GuiEvent) -> None:
         """Asks for confirmation; then lists the servos on the ports."""
@@ -95,9 +94,6 @@ class ServoTables:
         with gui.add_modal("On the rig's ports") as window:
             gui.add_html(_table(("id", "joint", "model", "firmware"), rows))
             gui.add_button("Close", color="gray").on_click(lambda _: window.close())
-
-    def _gui(self, event: viser.GuiEvent) -> viser.GuiApi:
-        return event.client.gui if event.client is not None else self._page.gui
 
 
 def _table(heads: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:

@@ -6,11 +6,9 @@ by marks of our own in that column; where a browser or another viser does not ma
 
 from pathlib import Path
 
-STATE_LINE = "state-line"  # the element, as `panel.css` and `show.css` name it
 # Of buttons: what is usual, what stops and nothing else, and what is quiet.
 CURRENT, STOPS, QUIET = (38, 110, 200), (201, 42, 42), (73, 80, 87)
 UNSURE, BAD = "var(--quiet)", "var(--fault)"  # colours of text
-NOTICE_SECONDS = 8.0
 
 
 def style_in(file: Path) -> str:

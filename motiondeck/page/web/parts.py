@@ -28,28 +28,6 @@ _EVENTS = "part-events"
 Heard = Callable[[Any, viser.GuiEvent], None]
 
 
-def ask(
-    page: PrivatePage,
-    event: viser.GuiEvent,
-    title: str,
-    text: str,
-    yes: str,
-    then: Callable[[], None],
-    no: str = "Cancel",
-) -> None:
-    """Asks for confirmation in the browser that clicked; `yes` calls the function."""
-    gui = event.client.gui if event.client is not None else page.gui
-    with gui.add_modal(title) as question:
-        gui.add_markdown(text)
-        agree = gui.add_button(yes, color=CURRENT)
-        gui.add_button(no, color=QUIET).on_click(lambda _: question.close())
-
-    @agree.on_click
-    def _(_: viser.GuiEvent) -> None:
-        question.close()
-        then()
-
-
 class Part:
     """One part on the page; `show` brings its state up to date."""
 
@@ -112,6 +90,25 @@ class PageParts:
         if heard is not None:
             self._heard[name] = heard
         return Part(name, self._gui.add_html(""))
+
+    def gui_of(self, event: viser.GuiEvent) -> viser.GuiApi:
+        """The widgets of the browser of an event."""
+        return event.client.gui if event.client is not None else self.page.gui
+
+    def ask(
+        self, event: viser.GuiEvent, title: str, text: str, yes: str, then: Callable[[], None], no: str = "Cancel"
+    ) -> None:
+        """Asks for confirmation in the browser that clicked; `yes` calls the function."""
+        gui = self.gui_of(event)
+        with gui.add_modal(title) as question:
+            gui.add_markdown(text)
+            agree = gui.add_button(yes, color=CURRENT)
+            gui.add_button(no, color=QUIET).on_click(lambda _: question.close())
+
+        @agree.on_click
+        def _(_: viser.GuiEvent) -> None:
+            question.close()
+            then()
 
     def _view(self, said: Any, event: viser.GuiEvent) -> None:
         """Suits widgets and scene to a browser that is dark or light, and has a panel over its scene or not."""

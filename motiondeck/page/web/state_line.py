@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from controller.wire.messages.deck_snapshot import DeckSnapshot
-from motiondeck.page.web.page_style import STATE_LINE
 
+STATE_LINE = "state-line"  # the element, as `panel.css` and `show.css` name it
 LONG = 26  # characters; longer text is set smaller
 GREEN, BLUE, VIOLET, AMBER, GREY = "#237032", "#1864ab", "#6741d9", "#9c4f00", "#495057"
 RED, FAULT = "#c92a2a", "#a61e6b"  # a stop alone is red
