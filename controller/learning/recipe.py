@@ -140,9 +140,13 @@ def gesture_recipe(name: str, clips: Sequence[Path]) -> LibraryRecipe:
     loops = [clip.rotation for clip in recorded.values() if clip.plays == "loop"]
     closed = bool(loops) and all(np.allclose(rotation[0], rotation[-1], atol=1e-9) for rotation in loops)
     recipe = LibraryRecipe(
-        name=name, network=CentralizedRecipe(satellites=max(60, round(_SATELLITES * longest))), motions=motions,
-        body=str(clips[0]), loop_keeps=1.0 if closed else 0.6, licence="Taught by hand: yours.",
-    )  # fmt: skip
+        name=name,
+        network=CentralizedRecipe(satellites=max(60, round(_SATELLITES * longest))),
+        motions=motions,
+        body=str(clips[0]),
+        loop_keeps=1.0 if closed else 0.6,
+        licence="Taught by hand: yours.",
+    )
     return check_recipe(recipe, clips[0].parent)
 
 

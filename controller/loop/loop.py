@@ -176,9 +176,14 @@ def run(
             stop.reason = "stopped at once by a second signal"
     counters = {"deck": [source.counter], "commands": [commanding], "stops": stopping, "telemetry": [publishing]}
     return LoopReport(
-        rate_hz=state.rate, ticks=state.tick, overruns=state.overruns, skipped=clock.skipped,
-        lateness_us=state.lateness.percentiles(), work_us=state.work.percentiles(),
-        outputs=[channel.report() for channel in channels], reason=stop.reason,
+        rate_hz=state.rate,
+        ticks=state.tick,
+        overruns=state.overruns,
+        skipped=clock.skipped,
+        lateness_us=state.lateness.percentiles(),
+        work_us=state.work.percentiles(),
+        outputs=[channel.report() for channel in channels],
+        reason=stop.reason,
         faults={name: sum(counter.faults for counter in own) for name, own in counters.items()},
         changed=envelope.changed.tolist(),
-    )  # fmt: skip
+    )

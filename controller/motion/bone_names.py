@@ -64,10 +64,17 @@ _SILENT = ("c", "m", "x", "stretch")  # the middle; a bone of Auto-Rig Pro that 
 _SHARED = 0.6  # of the names contain a word that is ignored
 # The next parts: a bone "A-B" belongs to A only if B continues it.
 _FOLLOWS: dict[Part, tuple[Part, ...]] = {
-    "pelvis": ("trunk", "neck", "head", "pelvis"), "trunk": ("trunk", "neck", "head"), "neck": ("neck", "head"),
-    "hip": ("hip", "thigh"), "thigh": ("thigh", "shank"), "shank": ("shank", "foot"), "foot": ("foot", "toes"),
-    "clavicle": ("clavicle", "upper arm"), "upper arm": ("upper arm", "forearm"), "forearm": ("forearm", "hand"),
-}  # fmt: skip
+    "pelvis": ("trunk", "neck", "head", "pelvis"),
+    "trunk": ("trunk", "neck", "head"),
+    "neck": ("neck", "head"),
+    "hip": ("hip", "thigh"),
+    "thigh": ("thigh", "shank"),
+    "shank": ("shank", "foot"),
+    "foot": ("foot", "toes"),
+    "clavicle": ("clavicle", "upper arm"),
+    "upper arm": ("upper arm", "forearm"),
+    "forearm": ("forearm", "hand"),
+}
 
 _THESIS = dict.fromkeys(("back", "neck"), NamedPart("trunk", "middle")) | {"head": NamedPart("head", "middle")}
 # Suffixes of the thesis's bones on either side, and their parts.

@@ -121,12 +121,20 @@ def read_motion(library: MotionLibrary, info: MotionInfo) -> Motion:
     if (driven := network.as_phase_network) is not None and not loop:
         whole = driven.period(info.name) / library.info.rate
     return Motion(
-        name=info.name, loop=loop,
-        places=places[:entries].copy(), velocities=velocities[:entries].copy(),  # a view would hold all of them
-        exits=places if loop else places[-1:].copy(), course=course_of(postures, library.encoding.skeleton),
-        postures=postures, offsets=library.offsets(info.name), spacing=spacing, seconds=moving * spacing, whole=whole,
-        speed=speed, acceleration=acceleration,
-    )  # fmt: skip
+        name=info.name,
+        loop=loop,
+        places=places[:entries].copy(),
+        velocities=velocities[:entries].copy(),  # a view would hold all of them
+        exits=places if loop else places[-1:].copy(),
+        course=course_of(postures, library.encoding.skeleton),
+        postures=postures,
+        offsets=library.offsets(info.name),
+        spacing=spacing,
+        seconds=moving * spacing,
+        whole=whole,
+        speed=speed,
+        acceleration=acceleration,
+    )
 
 
 def _moving(places: Array) -> int:

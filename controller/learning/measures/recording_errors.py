@@ -99,10 +99,14 @@ def recording_error(library: MotionLibrary, motion: str, recorded: RecordedPart)
     joints = np.flatnonzero(recorded.known[1:])
     off, own_off = (1000.0 * np.linalg.norm(places - theirs, axis=-1)[:, 1 + joints] for places in (ours, own_body))
     return RecordingError(
-        from_s=recorded.first, to_s=recorded.end, held_degrees=held, own_body_mm=float(np.quantile(own_off, SHARE)),
-        mm=_errors(off, joints, at), degrees=_errors(_angles(ours, theirs, bones), bones, at),
+        from_s=recorded.first,
+        to_s=recorded.end,
+        held_degrees=held,
+        own_body_mm=float(np.quantile(own_off, SHARE)),
+        mm=_errors(off, joints, at),
+        degrees=_errors(_angles(ours, theirs, bones), bones, at),
         **_feet(_at(played, since * rate), wanted, recorded),
-    )  # fmt: skip
+    )
 
 
 def distances(played: Clip, phase: Array, recorded: RecordedPart) -> Array:

@@ -16,8 +16,12 @@ Natural = Annotated[int, msgspec.Meta(ge=0, lt=2**53)]  # a whole number from 0 
 
 Use = Literal["timed", "cue", "script", "film", "replay"]
 USES: dict[Use, str] = {
-    "timed": "a later time", "cue": "a show", "script": "a timeline file", "film": "a film", "replay": "a replay",
-}  # fmt: skip
+    "timed": "a later time",
+    "cue": "a show",
+    "script": "a timeline file",
+    "film": "a film",
+    "replay": "a replay",
+}
 """Where a command may be used besides live, and how errors name it."""
 
 ALWAYS: frozenset[Mode] = frozenset(get_args(Mode))
