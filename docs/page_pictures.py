@@ -376,7 +376,7 @@ def _show(setting: Setting) -> Shots:
     page.set_default_timeout(PATIENCE_MS)
     page.goto("http://127.0.0.1:8051")
     page.get_by_text("Software WebGL").locator("xpath=../..").get_by_role("button").click()
-    page.get_by_text("HELD").wait_for()
+    page.get_by_text("HELD", exact=True).wait_for()
     time.sleep(3.0)
     yield "", page
     page.close()
