@@ -82,6 +82,10 @@ def test_hands_hit_and_eyes_read_the_panel_and_nothing_moves(panel, browser, siz
         tab.locator(f"[data-mantine-color-scheme={scheme}]").wait_for()
         tab.locator("#state-line").wait_for()
         tab.locator(".motion").last.wait_for()
+        tab.wait_for_function(
+            """() => !document.querySelector('#root [role="slider"][aria-label=""]')"""
+        )  # all are named
+        assert tab.get_by_label("search a motion").count() == 1
         first = None
         for state, lines in SITUATIONS:
             shown.show(state)

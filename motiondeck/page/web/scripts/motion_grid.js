@@ -7,6 +7,7 @@ motiondeck.part("motion-grid", (element, state, send) => {
   if (motions.length > searched) {
     const field = child(element, "search", "input", "search");
     field.placeholder = "search a motion";
+    field.setAttribute("aria-label", field.placeholder);
     field.oninput = () => {
       const found = motions.filter((name) => name.toLowerCase().includes(field.value.trim().toLowerCase()));
       for (const name of motions) child(grid, name, "div", "motion").hidden = !found.includes(name);

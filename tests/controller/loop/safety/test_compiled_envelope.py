@@ -98,7 +98,11 @@ def test_both_do_the_same_in_a_million_random_targets(library):
     ("right", "wrong"),
     [
         ("R(8.0) * size", "R(8.5) * size"),
-        pytest.param("m > floored ? floored : m;", "m > floored ? m : floored;", marks=pytest.mark.thorough),
+        pytest.param(
+            "/ j);\n  m = m > floored ? floored : m",
+            "/ j);\n  m = m > floored ? m : floored",
+            marks=pytest.mark.thorough,
+        ),
         pytest.param("l->way <= room || ", "1 || ", marks=pytest.mark.thorough),
         pytest.param("R(2.0) * lag", "R(1.0) * lag", marks=pytest.mark.thorough),
         pytest.param("-R(FARTHEST) < target && ", "", marks=pytest.mark.thorough),
