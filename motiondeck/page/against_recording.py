@@ -28,12 +28,15 @@ class AgainstRecordings:
     def __init__(self, history: History, library: Path, human: SkeletonInfo) -> None:
         self._history, self._library, self._skeleton = history, library, Skeleton.restore(human)
         self._recorded: dict[str, RecordedPart | None] = {}
+        self._latest: tuple[Indices, Array] | None = None  # both distances are of the same pictures in one answer
         history.derived |= {name: lambda at, k=k: self._distances(at)[:, k] for k, name in enumerate(NAMES)}
 
     def _distances(self, at: Indices) -> Array:
         """Both, or NaN where the recording is not known, shape (T, 2), mm."""
         from controller.learning.measures.recording_errors import distances
 
+        if (latest := self._latest) is not None and latest[0] is at:
+            return latest[1]
         history, found = self._history, np.full((len(at), 2), np.nan)
         motions = np.array([history.motions[place] for place in at])
         for motion in {*motions.tolist()}:
@@ -46,6 +49,7 @@ class AgainstRecordings:
                 played = Clip(motion, self._skeleton, 1.0, root, rotation.reshape(len(root), -1, 4))
                 off = distances(played, history.column("phase", at[mine]), recorded)
                 found[mine] = np.stack([off.mean(axis=1), off.max(axis=1)], axis=1)
+        self._latest = at, found
         return found
 
     def _read(self, motion: str) -> None:

@@ -205,9 +205,8 @@ class Conductor:
             return None
         if cue.in_step is not True:
             return CommonRound(at, cue.in_step)
-        for motion, deck in product(
-            cue.motions, decks
-        ):  # the first motion of which a deck knows how long a round takes
+        # The first motion of which a deck knows how long a round takes.
+        for motion, deck in product(cue.motions, decks):
             about = self._seen[deck].about
             if about is not None and (seconds := about.rounds.get(motion, 0.0)) > 0.0:
                 return CommonRound(at, seconds)

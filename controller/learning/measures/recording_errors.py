@@ -97,7 +97,7 @@ def recording_error(library: MotionLibrary, motion: str, recorded: RecordedPart)
     if not recorded.loop:
         held = float(_angles(_from_hips(played[-1:]), _from_hips(wanted[-1:]), bones).max())
     joints = np.flatnonzero(recorded.known[1:])
-    off, own_off = (1000.0 * np.linalg.norm(places - theirs, axis=-1)[:, 1 + joints] for places in (ours, own_body))
+    off, own_off = (_apart(places, theirs, recorded) for places in (ours, own_body))
     return RecordingError(
         from_s=recorded.first,
         to_s=recorded.end,
@@ -118,7 +118,12 @@ def distances(played: Clip, phase: Array, recorded: RecordedPart) -> Array:
     wanted = _at(recorded.places, np.interp(phase * recorded.seconds, since, np.arange(len(since))))
     places = landmark_places(played)[0]
     places *= _leg_length(recorded.places) / _leg_length(places)
-    return 1000.0 * np.linalg.norm(_from_hips(places) - _from_hips(wanted), axis=-1)[:, 1:][:, recorded.known[1:]]
+    return _apart(_from_hips(places), _from_hips(wanted), recorded)
+
+
+def _apart(ours: Array, theirs: Array, recorded: RecordedPart) -> Array:
+    """How far the recorded joints but the root are from each other, mm."""
+    return 1000.0 * np.linalg.norm(ours - theirs, axis=-1)[:, 1 + np.flatnonzero(recorded.known[1:])]
 
 
 def _leg_length(places: Array) -> float:

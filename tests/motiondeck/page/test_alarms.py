@@ -3,12 +3,11 @@
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from test_viewer import PATIENCE, FakeDeck, end, figure_box, reachable, start
+from test_viewer import FakeDeck, end, figure_box, open_inspect, reachable, start
 
 from controller.wire.messages.replies import Event
 from motiondeck.page.alarms import NOTICE_SECONDS, Notices
 from waiting import free_port, until
-from web_pages import coarse
 
 SILENT = "rig: the port /dev/ttyUSB0 was silent. Check adapter, cable and supply."
 KNEE = "l_knee (id 18) does not answer. Check its plug and cable."
@@ -84,10 +83,7 @@ def test_one_notice_covers_neither_body_nor_stop_and_is_acknowledged_in_all_brow
         for width, height in ((390, 844), (1024, 768), (1920, 1080)):
             page = browser.new_page(viewport={"width": width, "height": height})
             pages.append(page)
-            page.set_default_timeout(1000.0 * PATIENCE)
-            page.goto(coarse(f"http://127.0.0.1:{port}") + "&view=inspect")
-            page.locator("#state-line").wait_for()
-            page.locator("#webgl-software-rendering").get_by_role("button").click()
+            open_inspect(page, port)
         until(lambda: deck.subscribers, "the page's wish for events")
         bodies = [until(lambda page=page: figure_box(page), "the figure") for page in pages]
         deck.news += [

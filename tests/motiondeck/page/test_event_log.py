@@ -1,11 +1,10 @@
 """The log of the page: found by words, in the browser that looks at it, and a click looks back to an entry's moment."""
 
 import pytest
-from test_viewer import PATIENCE, FakeDeck, end, reachable, start
+from test_viewer import FakeDeck, end, open_inspect, reachable, start
 
 from controller.wire.messages.replies import Event
 from waiting import free_port, until
-from web_pages import coarse
 
 HAPPENED = [
     Event("fault", "rig: the port /dev/ttyUSB0 was silent. Check adapter. Servos: l_hip, l_knee", "walk", 1.0, 1),
@@ -23,10 +22,7 @@ def test_the_log_is_found_by_cause_servo_and_time_and_leads_back(tmp_path, brows
     try:
         until(lambda: reachable(port), "the page")
         for one in (page, other):
-            one.set_default_timeout(1000.0 * PATIENCE)
-            one.goto(coarse(f"http://127.0.0.1:{port}") + "&view=inspect")
-            one.locator("#state-line").wait_for()
-            one.locator("#webgl-software-rendering").get_by_role("button").click()
+            open_inspect(one, port)
         until(lambda: deck.subscribers, "the page's wish for events")
         deck.news += HAPPENED
         page.locator(".notices").get_by_text("the robot has fallen").wait_for()

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 import pytest
 from PIL import Image
-from test_viewer import PATIENCE, FakeDeck, end, reachable, start
+from test_viewer import FakeDeck, end, open_inspect, reachable, start
 
 from controller.wire.messages.deck_snapshot import DeckSnapshot
 from hardware.rig.supervision.servo_states import ServoStates
@@ -17,7 +17,6 @@ from motiondeck.page.web.page_state import PageDescription, Picture, PictureArra
 from sim.models.mannequin.mannequin import build_mannequin
 from simulated_bodies import human
 from waiting import free_port, until
-from web_pages import coarse
 
 RIG = RigDescription(["well"], 25.0, [ServoDescription(name, 1, "XM430-W350", -3.14, 3.14, 80.0) for name in "ab"])
 EMPTY = mujoco.MjModel.from_xml_string("<mujoco/>")
@@ -76,10 +75,7 @@ def test_the_table_of_a_plot_is_what_the_loop_wrote_and_no_other_browser_gets_it
     try:
         until(lambda: reachable(port), "the page")
         for one in (page, other):
-            one.set_default_timeout(1000.0 * PATIENCE)
-            one.goto(coarse(f"http://127.0.0.1:{port}") + "&view=inspect")
-            one.locator("#state-line").wait_for()
-            one.locator("#webgl-software-rendering").get_by_role("button").click()
+            open_inspect(one, port)
             one.get_by_text("Plots", exact=True).click()
         curves = page.get_by_label("add a curve")
         for name in ("angle/rkne.y", "loop/lateness"):

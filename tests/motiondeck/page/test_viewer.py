@@ -144,6 +144,14 @@ def start(deck, port):
     return subprocess.Popen([sys.executable, "-m", "motiondeck.page.viewer", *arguments], stdout=subprocess.PIPE)
 
 
+def open_inspect(page, port):
+    """Opens the page of a port in the view with all figures, drawn coarsely, without viser's notice of software."""
+    page.set_default_timeout(1000.0 * PATIENCE)
+    page.goto(coarse(f"http://127.0.0.1:{port}") + "&view=inspect")
+    page.locator("#state-line").wait_for()
+    page.locator("#webgl-software-rendering").get_by_role("button").click()
+
+
 def end(viewer, *pages):
     """Closes the pages in the browser, and ends the view."""
     for page in pages:
