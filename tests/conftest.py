@@ -169,6 +169,7 @@ def browser():
         pytest.skip("no Chromium is installed (Debian: apt-get install chromium)")
     # Only WebGL is drawn by SwiftShader: with the page put together by it as well, a picture costs four times as much.
     graphics = ["--no-sandbox", "--disable-gpu", "--enable-unsafe-swiftshader"]
+    playwright.expect.set_options(timeout=1000.0 * PATIENCE)
     try:
         driver = playwright.sync_playwright().start()
     except Exception as error:  # whatever keeps a foreign process from starting, e.g. no libatomic1

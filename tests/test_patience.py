@@ -9,13 +9,18 @@ import pytest
 from waiting import quick
 
 CLOCKS = {"monotonic", "perf_counter", "process_time", "time"}
+# Read at once, a page may not show yet what a message brings that comes after another.
+READ_AT_ONCE = {"is_visible", "is_hidden", "is_enabled", "is_disabled", "is_checked", "inner_text", "text_content"}
+READ_AT_ONCE |= {"input_value", "get_attribute", "all_inner_texts"}
 SHORTEST = 20.0  # s
 
 
 def hasty(text):
-    """The lines that fail a busy machine: a duration that has to be short, and a short wait for what is to come."""
+    """The lines that fail a busy machine: durations that have to be short, short waits, pages that are read at once."""
     for node in ast.walk(ast.parse(text)):
         if isinstance(node, ast.Assert):
+            if any(_reads_at_once(one) for one in ast.walk(node.test)):
+                yield node.lineno
             limits = [one for one in ast.walk(node.test) if isinstance(one, ast.Lt | ast.LtE)]
             spans = [one for one in ast.walk(node.test) if isinstance(one, ast.BinOp) and isinstance(one.op, ast.Sub)]
             if limits and any(_is_clock(one.left) for one in spans):
@@ -32,6 +37,12 @@ def _is_clock(node):
     return isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr in CLOCKS
 
 
+def _reads_at_once(node):
+    if not isinstance(node, ast.Call) or not isinstance(node.func, ast.Attribute):
+        return False
+    return node.func.attr in READ_AT_ONCE or (node.func.attr == "count" and not node.args)
+
+
 FILES = sorted(file for file in Path(__file__).parent.rglob("*.py") if file.parent.name != "__pycache__")
 
 
@@ -41,7 +52,14 @@ def test_no_test_is_hasty():
 
 
 @pytest.mark.parametrize(
-    "line", ["assert time.monotonic() - began < 2.0", "thread.join(5.0)", "process.communicate(timeout=10)"]
+    "line",
+    [
+        "assert time.monotonic() - began < 2.0",
+        "thread.join(5.0)",
+        "process.communicate(timeout=10)",
+        "assert tab.locator('svg').count() == 8",
+        "assert [tab.is_visible() for tab in tabs] == [True]",
+    ],
 )
 def test_a_hasty_line_is_found(line):
     assert list(hasty(f"pass\n{line}\n")) == [2]

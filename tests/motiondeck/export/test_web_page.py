@@ -13,6 +13,7 @@ import msgspec
 import mujoco
 import numpy as np
 import pytest
+from playwright.sync_api import expect
 
 from controller.deck.interfaces import JointLimits
 from controller.deck.motion_generator import MotionGenerator
@@ -118,7 +119,7 @@ def test_page_loads_from_its_own_folder_alone(browser, address, exported, first_
     page.on("pageerror", lambda error: problems.append(str(error)))
     page.goto(f"{base}index.html")
     page.wait_for_function("motiondeck.page?.frames > 1")
-    assert page.locator("#state b").inner_text() == "PLAYING"
+    expect(page.locator("#state b")).to_have_text("PLAYING")
     page.close()
     assert problems == []
     outside = [url for url in asked if not url.startswith((base, "data:"))]
@@ -143,7 +144,7 @@ def test_keys_buttons_and_the_state_line(browser, address):
     page.wait_for_function("document.querySelector('#state b').textContent === 'STOPPED'")
     page.locator(".play").nth(0).click()
     page.wait_for_timeout(300)
-    assert word.inner_text() == "STOPPED"  # latched
+    expect(word).to_have_text("STOPPED")  # latched
     page.locator("#stop").click()
     page.wait_for_function("document.querySelector('#state b').textContent === 'HELD'")
     page.locator(".play").nth(0).click()

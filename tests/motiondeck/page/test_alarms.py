@@ -3,6 +3,7 @@
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from playwright.sync_api import expect
 from test_viewer import FakeDeck, end, figure_box, open_inspect, reachable, start
 
 from controller.wire.messages.replies import Event
@@ -94,7 +95,7 @@ def test_one_notice_covers_neither_body_nor_stop_and_is_acknowledged_in_all_brow
         for page, body in zip(pages, bodies, strict=True):
             page.get_by_role("button", name="Acknowledge (1 more)").wait_for()
             page.locator(".notices").get_by_text("Fault × 2").wait_for()
-            assert page.locator(".notices").get_by_text(SILENT).is_visible()
+            expect(page.locator(".notices").get_by_text(SILENT)).to_be_visible()
             stop = page.get_by_role("button", name="Emergency stop").bounding_box()
             line = page.locator(".notices").bounding_box()
             assert apart(line, body)

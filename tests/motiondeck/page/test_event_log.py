@@ -1,6 +1,7 @@
 """The log of the page: found by words, in the browser that looks at it, and a click looks back to an entry's moment."""
 
 import pytest
+from playwright.sync_api import expect
 from test_viewer import FakeDeck, end, open_inspect, reachable, start
 
 from controller.wire.messages.replies import Event
@@ -30,7 +31,7 @@ def test_the_log_is_found_by_cause_servo_and_time_and_leads_back(tmp_path, brows
         count = page.locator(".log").get_by_role("status")
         count.get_by_text("4 of 4", exact=True).wait_for()
         entries = page.locator(".log .entry")
-        assert "the robot has fallen" in entries.first.inner_text()
+        expect(entries.first).to_contain_text("the robot has fallen")
         find = page.get_by_label("find in the log")
         for words, found in (
             ("L_KNEE", "2 of 4"),
@@ -48,11 +49,11 @@ def test_the_log_is_found_by_cause_servo_and_time_and_leads_back(tmp_path, brows
         find.fill("")
         page.get_by_label("alarms only").check()
         count.get_by_text("3 of 4", exact=True).wait_for()
-        assert not other.locator("[data-state-of=log-entries]").count()
+        expect(other.locator("[data-state-of=log-entries]")).to_have_count(0)
         page.wait_for_timeout(600)  # so long after a fault no browser looks back
         entries.first.click()
         page.get_by_role("button", name="back to now").wait_for()
-        assert other.locator(".past-frame").is_hidden()
+        expect(other.locator(".past-frame")).to_be_hidden()
     finally:
         end(viewer, page, other)
         deck.end()

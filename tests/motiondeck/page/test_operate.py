@@ -5,6 +5,7 @@ from contextlib import closing, contextmanager
 
 import msgspec
 import pytest
+from playwright.sync_api import expect
 from test_panel import SITUATIONS, state
 from test_panel_for_hands import CONTRAST, LEAST, LETTERS, MEASURE, MOTIONS, SIZES, VERDICTS
 
@@ -114,7 +115,7 @@ def test_hands_hit_and_eyes_read_the_operate_view_and_nothing_moves(browser, siz
             assert letters["Motions"] == 16 if width <= 1024 else letters["Motions"] > 20
             panel.end("stopped on command")
             view.locator(".word").get_by_text("ENDED").wait_for()
-            assert view.get_by_role("button", name="EMERGENCY STOP").is_disabled()
+            expect(view.get_by_role("button", name="EMERGENCY STOP")).to_be_disabled()
         finally:
             tab.close()
 
@@ -133,7 +134,7 @@ def test_a_locked_browser_takes_no_hand_but_on_the_stop_and_no_other_browser_is_
             lock = ours.locator(".lock")
             lock.click()
             lock.get_by_text("Locked").wait_for()
-            assert theirs.locator(".lock").inner_text() == "Lock"
+            expect(theirs.locator(".lock")).to_have_text("Lock")
             jog = ours.get_by_role("button", name="jog", exact=True, include_hidden=True)
             box = jog.bounding_box()
             tabs[0].mouse.click(box["x"] + 9, box["y"] + 9)
@@ -157,8 +158,9 @@ def test_a_locked_browser_takes_no_hand_but_on_the_stop_and_no_other_browser_is_
             ours.get_by_role("button", name="Inspect").click()
             ours.wait_for(state="detached")
             tabs[0].get_by_role("button", name="Emergency stop").wait_for()
-            assert theirs.is_visible()
-            assert [tab.locator("html").get_attribute("data-mantine-color-scheme") for tab in tabs] == ["dark", "light"]
+            expect(theirs).to_be_visible()
+            for tab, scheme in zip(tabs, ("dark", "light"), strict=True):
+                expect(tab.locator("html")).to_have_attribute("data-mantine-color-scheme", scheme)
         finally:
             for tab in tabs:
                 tab.close()

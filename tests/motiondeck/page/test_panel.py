@@ -5,6 +5,7 @@ import time
 from contextlib import closing
 
 import pytest
+from playwright.sync_api import expect
 
 from controller.wire.command_socket import CommandClient, CommandServer
 from controller.wire.messages.commands import EmergencyStop, Push, StepOn, Switch
@@ -84,7 +85,7 @@ def test_two_browsers_see_what_happens_and_both_command(browser):
             panel.show(state())
             for name in ("Pause", "Home"):
                 wide.get_by_role("button", name=name, exact=True).click(trial=True)  # neither covers the other
-            assert wide.get_by_role("button", name="Step", exact=True).is_disabled()
+            expect(wide.get_by_role("button", name="Step", exact=True)).to_be_disabled()
             panel.show(state(paused=True))
             wide.get_by_role("button", name="Step", exact=True).click()
             until(lambda: (StepOn, "") in heard, "the step")
@@ -107,10 +108,10 @@ def test_two_browsers_see_what_happens_and_both_command(browser):
                 panel.show_event(Event("fault", "id 3 is hot", "walk", 1.0, 1))
             panel.show_event(Event("fault", "id 4 is hot", "walk", 1.0, 2))
             wide.get_by_text("id 4 is hot").wait_for()
-            assert wide.locator(".notice.alarm").is_visible()
+            expect(wide.locator(".notice.alarm")).to_be_visible()
             wide.get_by_role("button", name="Acknowledge (1 more)").click()
             phone.get_by_text("id 3 is hot").wait_for()
-            assert phone.get_by_text("id 4 is hot").count() == 0
+            expect(phone.get_by_text("id 4 is hot")).to_have_count(0)
             phone.get_by_role("button", name="Acknowledge").click()
             wide.locator(".notice.alarm").wait_for(state="hidden")
 
@@ -118,7 +119,7 @@ def test_two_browsers_see_what_happens_and_both_command(browser):
             near = {"motion": "walk", "names": ["walk", "jog"], "overlap": [[1, 0.7], [0.7, 1]], "centers": [0.25, 0.5]}
             card.show(near)
             wide.get_by_text("walk: most with jog 70 %").wait_for()
-            assert wide.locator(".network-card .dials svg").count() == 2
+            expect(wide.locator(".network-card .dials svg")).to_have_count(2)
             card.show(None)
             wide.locator(".network-card").wait_for(state="hidden")
 
@@ -195,4 +196,5 @@ def test_a_page_says_that_it_lost_a_deck_but_not_after_the_end(browser, ended, s
         page.stop()
         # viser fades its controls when the link is lost, whatever we write on them.
         until(tab.locator("div[style*='pointer-events: none'] #state-line").count, "the lost link")
-        assert tab.locator("#state-line").evaluate("e => getComputedStyle(e, '::before').content") == said
+        style = "e => getComputedStyle(e, '::before').content"
+        until(lambda: tab.locator("#state-line").evaluate(style) == said, said)

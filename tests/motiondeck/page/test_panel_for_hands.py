@@ -3,6 +3,7 @@
 from contextlib import closing
 
 import pytest
+from playwright.sync_api import expect
 from test_panel import SITUATIONS
 
 from controller.wire.command_socket import CommandClient, CommandServer
@@ -85,7 +86,7 @@ def test_hands_hit_and_eyes_read_the_panel_and_nothing_moves(panel, browser, siz
         tab.wait_for_function(
             """() => !document.querySelector('#root [role="slider"][aria-label=""]')"""
         )  # all are named
-        assert tab.get_by_label("search a motion").count() == 1
+        expect(tab.get_by_label("search a motion")).to_have_count(1)
         first = None
         for state, lines in SITUATIONS:
             shown.show(state)

@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 import pytest
 from PIL import Image
+from playwright.sync_api import expect
 from test_viewer import FakeDeck, end, open_inspect, reachable, start
 
 from controller.wire.messages.deck_snapshot import DeckSnapshot
@@ -99,7 +100,7 @@ def test_the_table_of_a_plot_is_what_the_loop_wrote_and_no_other_browser_gets_it
             assert float(late) == tick % 7
         with Image.open(picture.value.path()) as drawn:
             assert len(np.unique(np.asarray(drawn.convert("L")))) > 20
-        assert not other.locator("[data-state-of=plot-curves]").count()
+        expect(other.locator("[data-state-of=plot-curves]")).to_have_count(0)
 
         # A hand in the strip leads the plot of this browser to that moment; a tab that is not in sight gets no more.
         bar = page.locator(".timeline-strip .bar").bounding_box()

@@ -11,6 +11,7 @@ import msgspec
 import numpy as np
 import pytest
 from PIL import Image
+from playwright.sync_api import expect
 
 from controller.motion.rotations import multiply
 from controller.wire.command_socket import CommandServer
@@ -212,7 +213,7 @@ def test_the_page_shows_the_figure_and_its_buttons_command_the_deck(deck, browse
         assert 1.6 <= push.impulse <= 48.0
         deck.stride = 0.1
         # The loop's figures are in a folder that is closed at first.
-        assert not page.get_by_text("200.0 Hz").is_visible()
+        expect(page.get_by_text("200.0 Hz")).to_be_hidden()
         page.get_by_text("loop", exact=True).click()
         page.get_by_text("200.0 Hz").wait_for()
         page.get_by_text("412 µs").wait_for()
@@ -283,7 +284,7 @@ def test_the_page_shows_the_figure_and_its_buttons_command_the_deck(deck, browse
         ]
         page.get_by_text("walk with 0.50 of jog turns over, fell back to walk").wait_for()
         page.get_by_text("the recorder has ended").wait_for()
-        assert not page.get_by_text("jog after 0.40 s").count()
+        expect(page.get_by_text("jog after 0.40 s")).to_have_count(0)
 
         # A refusal is shown in the deck's words.
         page.get_by_role("button", name="End run", exact=True).click()
@@ -295,7 +296,7 @@ def test_the_page_shows_the_figure_and_its_buttons_command_the_deck(deck, browse
 
         # By now it has walked several metres: the view has gone along.
         until(lambda: in_view(page), "the figure that has walked on")
-        assert not page.get_by_role("button", name="Share").count()
+        expect(page.get_by_role("button", name="Share")).to_have_count(0)
         elsewhere = [url for url in asked if not url.startswith((f"http://127.0.0.1:{port}", "data:", "blob:"))]
         assert elsewhere == []
 
@@ -391,7 +392,7 @@ def test_each_browser_looks_back_alone_and_is_called_back_by_what_happens(deck, 
             looks_back(one)
             until(lambda: is_low(one), "the past")
             assert is_high(other)
-            assert not other.locator(".past-frame").is_visible()
+            expect(other.locator(".past-frame")).to_be_hidden()
             if call is called_back[0]:  # who comes later sees what happens now
                 until(lambda: is_high(open_page()), "the present")
                 pages.pop().close()
@@ -448,7 +449,7 @@ def test_joints_and_gaze_follow_a_hand_until_it_lets_go(tmp_path, browser):
         assert values(SetInput)[-1].name == "jaw"
         assert values(SetInput)[-1].value == pytest.approx(0.85, abs=0.1)
         let_go(SetInput)
-        assert slider.input_value() == "0"
+        expect(slider).to_have_value("0")
         until(lambda: holds(page.get_by_label("gaze"), (0.75, 0.2), Gaze), "the points of the pad")
         assert (values(Gaze)[-1].left, values(Gaze)[-1].up) == pytest.approx((0.5, 0.6), abs=0.05)
         let_go(Gaze)

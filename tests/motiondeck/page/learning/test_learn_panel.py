@@ -1,5 +1,6 @@
 """Learning a recording on the page, in a browser; the process that learns is the real one."""
 
+import re
 import sys
 from contextlib import chdir
 from dataclasses import dataclass
@@ -7,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from playwright.sync_api import Page
+from playwright.sync_api import Page, expect
 
 from bodies import waving
 from controller.library.motion_library import load_library
@@ -76,13 +77,13 @@ def test_a_dropped_recording_is_trimmed_named_learned_and_played(learning):
 
     drop(tab, folder / "broken.bvh")
     tab.locator("#learning").get_by_text("no MOTION section").wait_for()
-    assert tab.locator("#learning").inner_text().startswith("broken.bvh")
-    assert not tab.get_by_text("uploaded successfully").is_visible()
-    assert not tab.get_by_role("button", name="Learn it").is_visible()
+    expect(tab.locator("#learning")).to_have_text(re.compile("^broken.bvh"))
+    expect(tab.get_by_text("uploaded successfully")).to_be_hidden()
+    expect(tab.get_by_role("button", name="Learn it")).to_be_hidden()
 
     drop(tab, folder / "swing.bvh")
     tab.get_by_role("button", name="Learn it").wait_for()
-    assert tab.locator(".film-strip svg").count() == 8
+    expect(tab.locator(".film-strip svg")).to_have_count(8)
     tab.get_by_text("6.0 s").wait_for()
     tab.get_by_role("button", name="Learn it").click()
     tab.get_by_role("button", name="Play it").click()
@@ -149,12 +150,12 @@ def test_a_recording_that_is_too_large_is_refused_in_one_line_and_not_written(le
     tab.locator("input[type=file]").set_input_files(folder / "long.bvh")
     said = tab.locator("#learning").get_by_text("long.bvh has")
     said.wait_for()
-    assert said.inner_text() == (
+    expect(said).to_have_text(
         "long.bvh has 67,108,865 bytes; the page takes at most 67,108,864 bytes. Give it to: motiondeck learn"
     )
     assert not [*(folder / "dropped").glob("long*")]
-    until(lambda: not tab.get_by_text("Uploading").count(), "the end of all notices of uploads")
-    assert tab.get_by_role("button", name="Choose a recording").is_enabled()
+    expect(tab.get_by_text("Uploading")).to_have_count(0)
+    expect(tab.get_by_role("button", name="Choose a recording")).to_be_enabled()
 
 
 def test_a_learning_process_that_dies_is_told():

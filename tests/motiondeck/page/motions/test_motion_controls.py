@@ -4,6 +4,7 @@ from unittest.mock import Mock
 
 import numpy as np
 import pytest
+from playwright.sync_api import expect
 
 from controller.deck.routes import Routes
 from controller.wire.messages.commands import Blend, Jump, Queue, Switch
@@ -83,7 +84,7 @@ def test_grid_queue_ring_and_pad_send_commands(browser):
     try:
         tab.goto(page.address)
         tab.locator('[data-key="walk"] .picture svg path').first.wait_for(state="attached")
-        assert tab.get_by_role("button", name="walk playing", exact=True).is_enabled()
+        expect(tab.get_by_role("button", name="walk playing", exact=True)).to_be_enabled()
         sends(lambda: tab.get_by_role("button", name="jog queued 1", exact=True).click(), Switch("jog"))
         sends(lambda: tab.get_by_role("button", name="queue: more-3", exact=True).click(), Queue("more-3"))
         again = [Switch("walk"), Queue("waltz"), Queue("jog")]
@@ -91,21 +92,17 @@ def test_grid_queue_ring_and_pad_send_commands(browser):
         sends(lambda: tab.get_by_role("button", name="take out: jog").click(), Switch("walk"), Queue("waltz"))
 
         tab.get_by_placeholder("search a motion").fill("wal")
-        assert [name for name in MOTIONS if tab.locator(f'.motion[data-key="{name}"]').is_visible()] == [
-            "walk",
-            "waltz",
-        ]
-        assert not tab.get_by_text("no motion is named like this", exact=True).is_visible()
+        for name in MOTIONS:
+            expect(tab.locator(f'.motion[data-key="{name}"]')).to_be_visible(visible=name in ("walk", "waltz"))
+        expect(tab.get_by_text("no motion is named like this", exact=True)).to_be_hidden()
         tab.get_by_placeholder("search a motion").fill("zzz")
         tab.get_by_text("no motion is named like this", exact=True).wait_for()
         tab.get_by_placeholder("search a motion").fill("wal")
-        assert [tab.locator(f'.motion[data-key="{name}"]').get_attribute("data-key-number") for name in MOTIONS] == [
-            *"123456789",
-            *[None] * 6,
-        ]
+        keys = tab.locator(".motion").evaluate_all("all => all.map((one) => [one.dataset.key, one.dataset.keyNumber])")
+        assert dict(keys) == dict(zip(MOTIONS, [*"123456789", *[None] * 6], strict=True))
 
         ring = tab.get_by_role("slider", name="phase")
-        assert ring.get_attribute("aria-valuenow") == "0.4"
+        expect(ring).to_have_attribute("aria-valuenow", "0.4")
         sends(lambda: (ring.focus(), tab.keyboard.press("ArrowRight")), Jump(0.41))
         # Up is the first of the two, jog, whose name stands where its weight is 1; waltz stands at 120 degrees from it.
         pad = tab.get_by_role("slider", name="blend weight")
@@ -131,13 +128,13 @@ def test_grid_queue_ring_and_pad_send_commands(browser):
         pulling([(0.5, 0.0)], Blend("walk", "jog", 0.5))
         # However far it goes, a pull is one command: that of where it is let go.
         pulling([(0.5, 0.0), (0.2, 0.7), (0.3, 0.4)], Blend("walk", "jog", 0.3, also=(("waltz", 0.4),)))
-        assert pad.get_attribute("aria-valuetext") == "jog 30 %, waltz 40 %"
+        expect(pad).to_have_attribute("aria-valuetext", "jog 30 %, waltz 40 %")
         pulling([(0.9, 0.9)], Blend("walk", "jog", 0.5, also=(("waltz", 0.5),)))  # without walk
         pulling([(1.0, 0.0), (1.4, 0.0)], Blend("walk", "jog", 1.3))
         pulling([(0.0, 1.2)], Blend("walk", "waltz", 1.2))
         pulling([(-0.45, -0.5)], Blend("walk", "jog", 0.0))  # nothing stands there
         refused = tab.get_by_text("no blend with more-1")
-        assert refused.locator("..").get_attribute("title") == "more-1 lies down"
+        expect(refused.locator("..")).to_have_attribute("title", "more-1 lies down")
         refused.click()
         tab.get_by_text("more-1 lies down").wait_for()
         tab.keyboard.down("Shift")
@@ -152,7 +149,7 @@ def test_grid_queue_ring_and_pad_send_commands(browser):
         # Where three at once would be refused, the point stays on the line of the nearer name.
         controls._touched = 0.0
         controls.show(DeckSnapshot(motion="waltz", playing="waltz", phase=0.4))
-        assert tab.locator(".apart").text_content() == "jog and walk are too far apart"
+        expect(tab.locator(".apart")).to_have_text("jog and walk are too far apart")
         pulling([(0.5, 0.4)], Blend("waltz", "jog", 0.3))
         controls._touched = 0.0
         controls.show(DeckSnapshot(motion="jog", playing="jog", phase=0.4))

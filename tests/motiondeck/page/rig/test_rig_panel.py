@@ -1,7 +1,10 @@
 """The rig on the page: what its cards say and do, in a browser; and how servos are judged."""
 
+import re
+
 import numpy as np
 import pytest
+from playwright.sync_api import expect
 
 from controller.wire.messages.commands import ReadRegisters, ScanPorts, ServoTorque, WriteRegister
 from controller.wire.messages.replies import OnPorts, Registers, ServoOnPort, ServoRegister
@@ -73,13 +76,13 @@ def test_cards_say_how_servos_are_and_torque_is_taken_off_after_a_question(brows
         tab.goto(coarse(page.address))
         knee = tab.get_by_role("button", name="l knee does not answer")
         knee.wait_for()
-        assert "29/29°" in knee.inner_text()
-        assert "bad" in knee.get_attribute("class")
+        expect(knee).to_contain_text("29/29°")
+        expect(knee).to_have_class(re.compile(r"\bbad\b"))
         knee.click()
         until(lambda: panel.joint == "l_knee", "the choice")
         panel.show(state(["well", "is getting hot"], temperatures=71.0), 0.1)
         tab.get_by_role("button", name="l knee is getting hot").wait_for()
-        assert tab.locator(".servo-card.chosen .alarm").inner_text() == "71°C"
+        expect(tab.locator(".servo-card.chosen .alarm")).to_have_text("71°C")
         tab.get_by_role("button", name="Torque off", exact=True).click()
         until(lambda: asked, "the command")
         assert asked.pop() == ("Take the torque off l_knee?", ServoTorque("l_knee", "off"))

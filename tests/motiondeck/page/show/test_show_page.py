@@ -4,6 +4,7 @@ import socket
 import threading
 
 import msgspec
+from playwright.sync_api import expect
 
 from motiondeck.cli.show.conduct import ShowPage
 from motiondeck.page.show.viewer import view
@@ -68,7 +69,7 @@ def test_the_page_shows_the_cues_and_its_buttons_say_words(browser, monkeypatch)
         tab.locator(".notices").get_by_text("first reset the emergency stop").wait_for()
         ours.close()
         tab.locator("#state-line").get_by_text("ENDED").wait_for()
-        assert not tab.get_by_role("button", name="Emergency stop").is_enabled()
+        expect(tab.get_by_role("button", name="Emergency stop")).to_be_disabled()
     finally:
         ours.close()
         tab.close()

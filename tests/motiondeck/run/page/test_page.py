@@ -10,6 +10,7 @@ import msgspec
 import numpy as np
 import pytest
 from PIL import Image
+from playwright.sync_api import expect
 
 from bodies import waving
 from controller.motion.formats.writing import bvh_text
@@ -117,7 +118,7 @@ def test_a_button_switches_the_motion(page):
 
 def test_there_is_a_button_for_each_motion_and_one_to_pause(page):
     for motion in state()["motions"]:
-        assert page.get_by_role("button", name=re.compile(f"^{motion}\\b(?!-)")).count() == 1
+        expect(page.get_by_role("button", name=re.compile(f"^{motion}\\b(?!-)"))).to_have_count(1)
     page.get_by_role("button", name="Pause").click()
     assert until(page, lambda: state()["paused"])
 
@@ -129,7 +130,7 @@ def test_the_page_says_how_the_loop_is_doing(page):
 
 
 def test_nobody_can_publish_the_page(page):
-    assert page.get_by_role("button", name="Share").count() == 0
+    expect(page.get_by_role("button", name="Share")).to_have_count(0)
 
 
 def test_a_dropped_recording_is_learned_and_played(page, emulator):
@@ -151,7 +152,7 @@ def test_a_servo_that_is_pulled_is_told_and_red(page, emulator):
     servos, _ = emulator
     card = page.get_by_role("button", name=re.compile("^l knee"))
     card.wait_for()
-    assert "bad" not in card.get_attribute("class")
+    expect(card).not_to_have_class(re.compile(r"\bbad\b"))
     with closing(CommandClient(int(COMMAND_PORT))) as client:
         assert isinstance(client.request(Subscribe(), timeout_s=30.0), Accepted)
         servos.stdin.write("pull l_knee\n")
