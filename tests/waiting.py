@@ -59,6 +59,16 @@ def tried(act):
     return act()
 
 
+def soon(act):
+    """What an act gives as soon as it does not fail: what it looks at comes in parts, and each takes its time."""
+    deadline = time.monotonic() + PATIENCE
+    while time.monotonic() < deadline:
+        with suppress(AssertionError):
+            return act()
+        time.sleep(0.1)
+    return act()
+
+
 def quick(act, within):
     """Acts until that took less than `within` s: a busy machine makes some attempts slow, a wait in the product all."""
 
