@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from controller.deck.joins.deck_motions import Motion, read_motions
 from controller.deck.joins.fade_search import PLANNED_SHARE, FadeSearch, Fading
 from controller.deck.joins.join_limits import FASTEST, Bounds, JoinLimits
-from controller.deck.joins.transition import Fade, best_anchor, difference, extrapolated
+from controller.deck.joins.transition import Fade, difference, entry_costs, extrapolated
 from controller.deck.tracks.playing_tracks import PlayingTracks
 from controller.deck.tracks.track import Track
 from controller.library.motion_library import MotionLibrary
@@ -268,13 +268,13 @@ class Performance:
         self._fade = Fading(self._search, onset)
 
     def _best_anchor(self, motion: str, before: Posture, now: Posture) -> int:
-        return self._resembling(motion, before, now, slice(None))
+        return int(self._entry_costs(motion, before, now, slice(None)).argmin())
 
-    def _resembling(self, motion: str, before: Posture, now: Posture, anchors: NDArray[np.intp] | slice) -> int:
-        """Which of these anchors resembles the body most, by its place among them."""
+    def _entry_costs(self, motion: str, before: Posture, now: Posture, anchors: NDArray[np.intp] | slice) -> Array:
+        """How little each of these anchors resembles the body."""
         entering, place = self.motions[motion], self._joints(now)
         velocity = (place - self._joints(before)) / self._dt
-        return best_anchor(place, velocity, entering.places[anchors], entering.velocities[anchors], VELOCITY_REACH)
+        return entry_costs(place, velocity, entering.places[anchors], entering.velocities[anchors], VELOCITY_REACH)
 
     def _joints(self, posture: Posture) -> Array:
         """Joint positions relative to the root in the heading frame, and the root's height, shape (F,), m."""

@@ -157,6 +157,7 @@ static inline md_time least(md_time x, md_time y) { return y < x ? y : x; }
 static inline md_time bounded(md_time x, md_time low, md_time high) { return x < low ? low : x > high ? high : x; }
 MD_CALLED md_wide most(md_wide x, md_wide y) { return y > x ? y : x; }
 static inline md_wide product(md_real x, md_real y) { return md_wide::of((int64_t)x.raw * y.raw); }
+static inline md_wide clearly_less(md_wide cost) { return md_wide::of(cost.raw - (cost.raw >> 10)); }
 static inline md_real times(md_real x, int n) { return md_real::of((int32_t)((uint32_t)x.raw * (uint32_t)n)); }
 static inline md_real share_of(md_real x, int n) { return md_real::of(x.raw < 0 ? -(int32_t)((0u - (uint32_t)x.raw) / (uint32_t)n) : (int32_t)((uint32_t)x.raw / (uint32_t)n)); }
 static inline int whole(md_real x) { return x.raw >> 25; }

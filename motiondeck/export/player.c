@@ -36,9 +36,11 @@ enum { WORDS = 1, CHECKSUM, JOINTS, MOTIONS, TICK_RATE, FRAMES_A_TICK, LIMITS, M
 #define NONE (-1)
 #define COARSE 4 /* anchors from one that is compared first to the next (spread_search.py) */
 #define CARRIED 0.4531f
+#define NEXT_TO_NONE 1e-4f
 #define SHORTEST_BEAT 0.25f /* s (beat_clock.py) */
 #define LONGEST_BEAT 1.5f
 #define LONG_AGO 30.0f
+#define TIE 1.3e-4f /* phase_lock.py */
 #define FOLLOW 80.0f /* 1/s (live_values.py) */
 #define BLEND_TURNS_OVER 2.0f /* performance.py, playing_tracks.py */
 #define EASED_FROM 0.7f
@@ -55,6 +57,7 @@ enum { WORDS = 1, CHECKSUM, JOINTS, MOTIONS, TICK_RATE, FRAMES_A_TICK, LIMITS, M
 #ifndef MD_FIXED
 static md_real times_key(md_real weight, int16_t key) { return weight * (float)key; }
 static md_wide product(md_real x, md_real y) { return x * y; }
+static md_wide clearly_less(md_wide cost) { return cost * (1.0f - 1.0f / 1024.0f); }
 static md_real times(md_real x, int n) { return x * (float)n; }
 static md_real share_of(md_real x, int n) { return x / (float)n; }
 static md_real ratio(int k, int n) { return (float)k / (float)n; }
@@ -322,7 +325,7 @@ static void finish_round(md_track *t) {
   t->last = t->first + seconds;
 }
 
-/* ---- where a motion is entered (transition.best_anchor) ---- */
+/* ---- where a motion is entered (transition.entry_costs) ---- */
 
 
 /* The end of a joint's bone is LEVER away, m: its way and the square of its straight way as the joint turns by some rad. */
@@ -342,7 +345,7 @@ static int compared(const md_motion *m) { return ((int)m->entries + COARSE - 1) 
 
 static void compare(md_player *p, const md_motion *m, int anchor) {
   md_real back[MD_MOST_JOINTS], here[MD_MOST_JOINTS], next[MD_MOST_JOINTS];
-  md_wide cost = 0.0f;
+  md_wide cost = NEXT_TO_NONE;
   int last = (int)m->anchors - 1, stride = (int)m->stride;
   int sides = m->loop || (anchor > 0 && anchor < last) ? 2 : 1;
   md_real reach = VELOCITY_REACH / times(m->spacing, sides), ahead = p->dt * (1.0f / VELOCITY_REACH);
@@ -355,7 +358,7 @@ static void compare(md_player *p, const md_motion *m, int anchor) {
     md_real aside = (md_real)square_of(apart) * (1.0f / (LEVER * LEVER));
     cost += square_of(here[j] - p->entered_from[j]) + product(faster, faster) + product(own, shown * aside);
   }
-  if (cost < p->entry_cost) p->entry_cost = cost, p->entry = anchor;
+  if (cost < p->entry_cost) p->entry_cost = clearly_less(cost), p->entry = anchor;
 }
 
 /* Begins to look where a motion is most like what was shown at last, and before. */
@@ -932,7 +935,7 @@ static md_real steered_tempo(md_player *p) {
     for (b->chosen = 1; b->chosen < 16 && beats > times(1.4142135f, b->chosen);) b->chosen *= 2;
   int steps = b->steps ? b->steps : b->chosen;
   md_real tempo = share_of(beats, steps), behind = b->phase + share_of((b->last + times(p->dt, b->ticks)) / b->period, steps) - phase_now(p);
-  md_real error = (behind - share_of(floorf(times(behind, steps) + 0.5f), steps)) * seconds, size = fabsf(error);
+  md_real error = (behind - share_of(floorf(times(behind, steps) + (0.5f - TIE)), steps)) * seconds, size = fabsf(error);
   if (size > 0.8f && !p->current && !p->fading && !p->paused && !p->blended) {
     md_real to = phase_now(p) + error / seconds;
     p->jump = to - floorf(to);

@@ -9,6 +9,7 @@ that is given up goes over to its motion where that is. All else is the deck's.
 """
 
 from collections.abc import Mapping
+from functools import reduce
 from math import floor
 from typing import Any
 
@@ -20,9 +21,11 @@ from controller.deck.joins.transition import Fade
 from controller.deck.performance import Performance
 from controller.deck.switch import CommandedSwitch
 from controller.deck.switch_plan import SwitchPlan
+from controller.motion.rotations import Array
 from controller.motion.skeleton import Pose, Posture
 
 SEARCHED, COARSE = 4, 4
+CLEARLY_LESS, NEXT_TO_NONE = 1.0 - 2.0**-10, 1e-4
 CARRIED = 0.4531  # rounds to a number of anchors; the usual tempos do not come near where it rounds up
 
 
@@ -102,12 +105,18 @@ class _Performance(Performance):
     def _best_anchor(self, motion: str, before: Posture, now: Posture) -> int:
         entering, (before, now) = self.motions[motion], self._from
         count = len(entering.places)
-        coarse = COARSE * self._resembling(motion, before, now, np.arange(0, count, COARSE))
+        coarse = COARSE * _clearly_least(self._entry_costs(motion, before, now, np.arange(0, count, COARSE)))
         beside = coarse + np.array([0, *(place for place in range(1 - COARSE, COARSE) if place)])
         beside = beside % count if entering.loop else beside[(beside >= 0) & (beside < count)]
-        found = int(beside[self._resembling(motion, before, now, beside)])
+        found = int(beside[_clearly_least(self._entry_costs(motion, before, now, beside))])
         gone = floor(self._late * self._dt * self._tempo / entering.spacing + CARRIED) if entering.loop else 0
         return (found + gone) % count
+
+
+def _clearly_least(costs: Array) -> int:
+    """Where the least of costs is, m^2; of those that are next to alike, as where a motion rests, it is the first."""
+    sums = (NEXT_TO_NONE + costs).tolist()
+    return reduce(lambda best, one: one if sums[one] < CLEARLY_LESS * sums[best] else best, range(len(sums)))
 
 
 class _SpreadPlan(SwitchPlan):

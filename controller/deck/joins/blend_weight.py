@@ -114,9 +114,9 @@ class Ramps(Weights):
     def advance(self, dt: float) -> tuple[float, ...]:
         """The weights dt seconds later."""
         self._elapsed += dt
-        share = rise(min(1.0, self._elapsed / self._seconds))
-        self.values = tuple((1.0 - share) * start + share * goal for start, goal in self._ends)
         self.changing = self._elapsed < self._seconds - SUMMED
+        share = rise(self._elapsed / self._seconds) if self.changing else 1.0
+        self.values = tuple((1.0 - share) * start + share * goal for start, goal in self._ends)
         return self.values
 
 

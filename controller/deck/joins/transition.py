@@ -1,6 +1,6 @@
 """Switching motions without a jump: the new motion starts at once, and the difference to the old one fades away.
 
-At the switch the target motion is started where it resembles the present body most (`best_anchor`), and for each bone
+At the switch the target motion is started where it resembles the present body most (`entry_costs`), and for each bone
 the rotation that leads from the target to what was shown is kept as a rotation vector, with its rate of change. From
 then on the target is shown turned by that vector while it runs out along a quintic that starts with the same value and
 slope and ends with neither (inertialisation, Bollo 2018). What slope it starts with may run out sooner than the
@@ -106,14 +106,13 @@ def extrapolated(before: Posture, now: Posture, dt: float, rest_direction: Array
     return replace(now, height=2.0 * now.height - before.height, velocity=velocity, rotation=rotation)
 
 
-def best_anchor(place: Array, velocity: Array, places: Array, velocities: Array, reach: float) -> int:
-    """Which anchor of a motion resembles a body most.
+def entry_costs(place: Array, velocity: Array, places: Array, velocities: Array, reach: float) -> Array:
+    """How little each anchor of a motion resembles a body, shape (A,), m^2.
 
     From joint positions in the heading frame and their rates, shape (F,), m and m/s, and the same at the anchors, (A,
     F); a difference in velocity counts by `reach`, s.
     """
-    cost = np.square(places - place).sum(1) + reach**2 * np.square(velocities - velocity).sum(1)
-    return int(cost.argmin())
+    return np.square(places - place).sum(1) + reach**2 * np.square(velocities - velocity).sum(1)
 
 
 def _side_by_side(first: Posture, second: Posture) -> Posture:

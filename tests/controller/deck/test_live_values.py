@@ -11,7 +11,7 @@ import synthetic
 from controller.deck.deck import Deck
 from controller.deck.interfaces import JointLimits
 from controller.deck.layers import Layers
-from controller.deck.live_values import LiveValues
+from controller.deck.live_values import LiveValues, Share
 from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.motion.rotations import to_rotation_vector
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
@@ -43,6 +43,16 @@ def follow(live, beneath, happening, still=()):
             call()
         targets.append(live(row, DT, still=tick in still) if live.joints else row)
     return np.array(targets)
+
+
+@given(st.floats(0.5, 1.0), st.integers(1, 6), st.floats(1e-10, 1e-8))
+def test_a_share_that_gives_way_stands_still_after_as_many_ticks_as_it_moved(apart, ticks, growth):
+    """Steps up and down differ by rounding, or as little as distances do meanwhile; others wait until it stands."""
+    share = Share(goal=1.0, speed=2.0, acceleration=20.0)
+    for tick in range(2 * ticks):
+        share.approach(apart * (1.0 + growth * tick), DT, may_change=tick < ticks)
+        assert share.pace != 0.0 or tick == 2 * ticks - 1
+    assert share.pace == 0.0
 
 
 SIGNALS = st.tuples(

@@ -35,7 +35,7 @@ def work(monkeypatch):
     noting(fade_search, "peaks")
     noting(blend_weight, "crossed")
     noting(performance, "difference")
-    noting(performance, "best_anchor")
+    noting(performance, "entry_costs")
     return done
 
 

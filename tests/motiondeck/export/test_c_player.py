@@ -105,6 +105,31 @@ def test_blends_of_blends_their_tempos_and_their_ends_are_those_of_the_deck(seed
     assert np.abs(ours.safe - deck.safe).max() < 1e-3
 
 
+@pytest.mark.parametrize("fixed", [False, pytest.param(True, marks=pytest.mark.thorough)])
+def test_where_motions_rest_the_place_of_entry_is_not_left_to_rounding(fixed, monkeypatch):
+    """All places of a rest are alike; the deck and the player took one each."""
+    resting, rng = joint_library(JOINTS, 3), Random(0)
+    for name, frames in resting.network._of.items():
+        moving = np.clip(2.0 * np.linspace(0.0, 1.0, len(frames)) - 0.5, 0.0, 1.0)[:, None]
+        frames[:] = 0.2 + np.sin(np.pi * moving) ** 4 * (frames - 0.2) * name.startswith("loop")
+    monkeypatch.setattr(figure_module, "MOST_BYTES", 700)  # less than a key a frame: places between keys are rounded
+    still = figure_of(resting, [f"joint{k}" for k in range(JOINTS)], LIMITS, 0.0 * ONES, 100.0)
+    one, loops = wide(in_fixed_point(still) if fixed else still), ["loop0", "loop1", "loop2"]
+    ticks = np.cumsum([rng.randrange(99) for _ in range(60)]).tolist()
+    script = [(tick, commands.Switch(to=rng.choice(loops))) for tick in ticks]
+    ours, deck = (plays(one, script, 3000, 0.0 * ONES) for plays in (player(fixed=fixed).trace, deck_plays))
+    assert np.abs(ours.safe - deck.safe).max() < 1e-3
+
+
+@pytest.mark.parametrize("phase", [0.23, 0.24, 0.25])
+def test_half_a_beat_off_the_way_round_is_not_left_to_rounding(phase):
+    """Of a round of 1 s with two beats at whole ticks; it is that far off at a phase of 0.24."""
+    beats = [(tick, commands.GiveBeat(ago=0.0)) for tick in (60, 110)]
+    script = [(50, commands.LockPhase(source="beat", phase=phase, steps=2)), *beats]
+    ours, deck = (plays(wide(figure(11)), script, 140, 0.0 * ONES) for plays in (player().trace, deck_plays))
+    assert np.abs(ours.safe - deck.safe).max() < 1e-3
+
+
 def test_a_blend_that_is_given_up_goes_on_as_in_the_deck(tmp_path, monkeypatch):
     """No motion of the tests stands still in a blend, so here one that moves less than three times as far does."""
     for source in PLAYER:

@@ -231,6 +231,15 @@ def test_a_blend_is_settling_until_the_long_way_round_has_run_out():
     assert settled > 200
 
 
+@given(st.integers(1, 500), st.integers(50, 200), st.floats(-0.3, 1.3))
+def test_weights_that_have_ceased_to_change_are_those_that_were_wanted(ticks, rate, goal):
+    """What a weight falls short of 0 by, because of a sum of ticks, would keep its motion playing for ever."""
+    weights = Ramps((1.0, 0.0), (1.0 - goal, goal), ticks / rate)
+    while weights.changing:
+        weights.advance(1.0 / rate)
+    assert weights.values == (1.0 - goal, goal)
+
+
 def test_a_heading_that_flies_round_does_not_turn_the_body():
     """While a body stands on its hands its heading turns by half a turn within a few ticks."""
     rest = normalise(np.random.default_rng(4).standard_normal((1 + BONES, 4)))

@@ -9,7 +9,7 @@ from controller.deck.joins import fade_search
 from controller.deck.joins.deck_motions import course_of
 from controller.deck.joins.fade_search import LONGEST, PLANNED_SHARE, SHORTEST, FadeSearch, peaks
 from controller.deck.joins.join_limits import Bounds
-from controller.deck.joins.transition import Fade, best_anchor, difference, displaced, extrapolated
+from controller.deck.joins.transition import Fade, difference, displaced, entry_costs, extrapolated
 from controller.motion.rotations import (
     conjugate,
     from_rotation_vector,
@@ -229,7 +229,7 @@ def test_a_difference_near_half_a_turn_does_not_spin_round():
 def test_the_anchor_that_moves_the_same_way_is_chosen():
     places = np.array([[0.0], [0.0], [1.0]])
     velocities = np.array([[-1.0], [1.0], [1.0]])
-    assert best_anchor(np.array([0.05]), np.array([0.9]), places, velocities, reach=0.1) == 1
+    assert entry_costs(np.array([0.05]), np.array([0.9]), places, velocities, reach=0.1).argmin() == 1
 
 
 def quintic(duration, value, slope):
@@ -355,5 +355,5 @@ def test_what_moves_away_fast_is_not_given_longer_than_helps():
 def test_how_much_velocity_counts_against_place_is_the_reach():
     place, velocity = np.zeros(2), np.array([1.0, 0.0])
     places, velocities = np.array([[0.0, 0.0], [0.2, 0.0]]), np.array([[0.0, 0.0], [1.0, 0.0]])
-    assert best_anchor(place, velocity, places, velocities, reach=0.19) == 0
-    assert best_anchor(place, velocity, places, velocities, reach=0.21) == 1
+    assert entry_costs(place, velocity, places, velocities, reach=0.19).argmin() == 0
+    assert entry_costs(place, velocity, places, velocities, reach=0.21).argmin() == 1
