@@ -104,7 +104,7 @@ class DeckView:
             self._draw(latest, min(now - self._last_picture, LONGEST_STEP))
             self._past.show(clients, self._panel.view(), self._centre, now)
         self._last_picture = now
-        if now - self._last_health < 1.0 / HEALTH_PER_SECOND:
+        if not self._page.is_watched or now - self._last_health < 1.0 / HEALTH_PER_SECOND:
             return
         self._last_health, servos = now, latest.servos
         self._panel.show(latest.snapshot)

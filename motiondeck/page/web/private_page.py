@@ -72,6 +72,11 @@ class PrivatePage(viser.ViserServer):
         copies._impl.api._queue_scene_message(viser._messages.SceneNodeUpdateMessage(copies.name, places))
 
     @property
+    def is_watched(self) -> bool:
+        """Whether a browser is connected, perhaps one that has not drawn its scene yet: `get_clients` lacks that."""
+        return bool(self._websock_server._client_state_from_id)
+
+    @property
     def address(self) -> str:
         """The address of the page."""
         return f"http://{LOOPBACK}:{self.get_port()}"

@@ -119,6 +119,19 @@ def test_hands_hit_and_eyes_read_the_operate_view_and_nothing_moves(browser, siz
                 first = first or stays
             letters = {text: size for text, size, _ in read}
             assert letters["Motions"] == 16 if width <= 1024 else letters["Motions"] > 20
+            panel.show(SITUATIONS[0][0])
+            view.locator(".word").get_by_text(SITUATIONS[0][1][0], exact=True).wait_for()
+            view.locator(".lock").click()
+            tab.locator("html[data-locked=true]").wait_for()
+
+            def reads_locked():
+                found = tab.evaluate(MEASURE)
+                assert {"Home", "jog", "Locked: hold"} <= {text for text, *_ in found["read"]}
+                assert [text for text in found["read"] if text[1] < LETTERS or text[2] < CONTRAST] == []
+                boxes = [(box, first.get(name, box)) for name, box in found["targets"]]
+                assert [both for both in boxes if both[0] != pytest.approx(both[1], abs=1.0)] == []
+
+            soon(reads_locked)
             panel.end("stopped on command")
             view.locator(".word").get_by_text("ENDED").wait_for()
             expect(view.get_by_role("button", name="EMERGENCY STOP")).to_be_disabled()

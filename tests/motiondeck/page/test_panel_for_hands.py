@@ -34,6 +34,7 @@ MEASURE = """() => {
   const chain = (e) => (e ? [...chain(e.parentElement), e] : []);
   const filled = (rgb, e) => over(rgb, numbers(getComputedStyle(e).backgroundColor), 1);
   const contrast = (e) => {
+    if (chain(e).some((n) => getComputedStyle(n).filter !== "none")) return 0; // what it does is not measured
     const ground = chain(e).reduce(filled, [255, 255, 255]);
     const share = chain(e).reduce((share, n) => share * Number(getComputedStyle(n).opacity), 1);
     const style = getComputedStyle(e);
@@ -55,6 +56,9 @@ MEASURE = """() => {
   const names = all(".motion b").map((e) => [e.innerText, e.scrollWidth <= e.clientWidth + 1]);
   return { targets, read, names };
 }"""
+
+VISERS = """() => [...document.querySelectorAll("#root button, #root [role=button]")].filter((e) => e.checkVisibility())
+  .map((e) => [e.getAttribute("aria-label") || e.innerText, e.offsetWidth, e.offsetHeight])"""
 
 
 @pytest.fixture
@@ -97,6 +101,7 @@ def test_hands_hit_and_eyes_read_the_panel_and_nothing_moves(panel, browser, siz
             _, y, _, tall = of_stop(targets)
             assert min(box[1] for _, box in targets if box[1] > y) - (y + tall) >= FAR
             if size in TOUCH:
+                assert [one for one in tab.evaluate(VISERS) if min(one[1:]) < LEAST] == []  # viser's own, too
                 assert [target for target in targets if min(target[1][2:]) < LEAST] == []
                 assert [
                     text for text in read if text[1] < LETTERS and text[0] not in FOLDERS and not text[0].isdigit()

@@ -194,9 +194,8 @@ motiondeck.operate ??= (() => {
   const fixedOf = () => JSON.parse(document.querySelector('[data-part="operate"]').dataset.fixed);
   motiondeck.part("layers", (element, state, send) => drawLayers(element, fixedOf(), state, send)); // in the panel
 
-  // viser hears every key: here a button has the space bar to itself, and what is locked has no keys but Esc.
+  // What is locked has no keys but Esc and those of its lock and stop.
   const own = (event) => event.target.closest?.(".operate button") && ["Enter", " "].includes(event.key);
-  document.body?.addEventListener("keydown", (event) => own(event) && event.stopPropagation());
   const shut = (event) => {
     if (root.dataset.locked !== "true" || ["Escape", "Tab"].includes(event.key) || own(event)) return;
     event.stopImmediatePropagation();

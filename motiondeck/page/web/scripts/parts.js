@@ -75,6 +75,10 @@ window.motiondeck ??= (() => {
   };
   addEventListener("keydown", leave, true);
 
+  // viser takes what passes the body for a shortcut: a key that presses the button with the focus is none.
+  const presses = ({ target, key }) => [" ", "Enter"].includes(key) && target.closest?.('button, summary, [role="button"]');
+  document.body.addEventListener("keydown", (event) => presses(event) && event.stopPropagation());
+
   setInterval(draw, 100);
   return { part: (kind, how) => (kinds[kind] = how), child, write, escape };
 })();
