@@ -1111,25 +1111,26 @@ static void go_there(md_player *p) {
 
 /* How many ticks the joints need at least from where they are to where they go; the part of them that has passed. */
 #ifdef MD_FIXED
-static uint64_t cut(uint64_t x) { return x >> 38 ? 1ull << 38 : x; }
-static int too_soon(const md_player *p, uint64_t ticks) { /* 4096ths */
-  const EnvelopeLimits *l = limits_of(p->figure);
-  for (int j = 0; j < p->joints; j++) {
-    uint64_t way = (uint32_t)fabsf(p->to[j] - p->from[j]).raw, twice = cut((uint32_t)l[j].j.raw * ticks >> 12) * ticks >> 12;
-    if ((uint32_t)l[j].v.raw * ticks < way * 7680u || cut((uint32_t)l[j].a.raw * ticks >> 12) * ticks < way * 23648u ||
-        cut(twice) * ticks < way * 245760u)
-      return 1;
-  }
-  return 0;
+static uint64_t cut(uint64_t x) { return x >> 33 ? 1ull << 33 : x; }
+static int too_soon(uint64_t way, const EnvelopeLimits *l, uint64_t ticks) { /* 2^-16 */
+  uint64_t twice = cut((uint32_t)l->j.raw * ticks >> 16) * ticks >> 20;
+  return (uint32_t)l->v.raw * ticks < way * 122880u || cut((uint32_t)l->a.raw * ticks >> 16) * ticks < way * 378373u ||
+         cut(twice) * ticks < way * 245760u;
 }
 static md_time ticks_needed(const md_player *p) {
   uint64_t ticks = 0;
-  for (uint64_t more = 1u << 25; more; more >>= 1)
-    if (too_soon(p, ticks + more)) ticks += more;
-  return md_time::of((int64_t)ticks << 18);
+  for (int j = 0; j < p->joints; j++) {
+    const EnvelopeLimits *l = limits_of(p->figure) + j;
+    uint64_t way = (uint32_t)fabsf(p->to[j] - p->from[j]).raw;
+    if (!too_soon(way, l, ticks)) continue;
+    ticks = 1;
+    for (uint64_t more = 1u << 29; more; more >>= 1)
+      if (too_soon(way, l, ticks + more - 1)) ticks += more;
+  }
+  return md_time::of((int64_t)ticks << 14);
 }
 static md_real part_of(int tick, md_time ticks) {
-  int32_t part = md_quotient((uint64_t)tick << 37, (uint32_t)(ticks.raw >> 18));
+  int32_t part = md_quotient((uint64_t)tick << 41, (uint32_t)(ticks.raw >> 14));
   return md_real::of(part < 1 << 25 ? part : 1 << 25);
 }
 #else

@@ -12,6 +12,7 @@ from tempfile import mkdtemp
 import numpy as np
 import pytest
 from msgspec.structs import replace as replace_fields
+from scipy.optimize import brentq
 
 from benchmarks.export import _c_player as c_player
 from benchmarks.export._c_player import (
@@ -32,6 +33,7 @@ from controller.deck.tracks import playing_tracks
 from controller.learning.trainers.centralized import TRAINER, CentralizedRecipe
 from controller.learning.training_set import TrainingSet
 from controller.library.motion_library import MotionLibrary
+from controller.loop.safety.approach import Approach
 from controller.wire.messages import commands
 from joint_libraries import RATE, joint_library
 from motiondeck.export import figure as figure_module
@@ -180,6 +182,20 @@ def test_in_fixed_point_commands_lead_to_the_angles_of_the_deck_and_no_limit_is_
     limited = checked.trace(one, script, TICKS, measured)
     assert beyond_limits(one, measured, limited.safe) <= 0.0
     assert np.abs(np.diff(limited.safe, axis=0)).max() > 0.001
+
+
+@pytest.mark.skipif(not shutil.which("c++"), reason="no C++ compiler")
+@pytest.mark.parametrize("ticks", [6.9998, 7.0002, 10.0002])
+def test_an_approach_in_fixed_point_takes_as_many_ticks_as_that_of_the_deck(ticks):
+    one = wide(in_fixed_point(figure()))
+    goal, side = deck_trace(one, [], 1, 0.0 * ONES).targets[0], np.eye(JOINTS)[1]
+
+    def beyond(far):
+        return Approach.within(one.limits, goal + far * side, goal).duration * one.rate - ticks
+
+    start = goal + brentq(beyond, 1e-3, 1.0) * side
+    ours, deck = (plays(one, [], 20, start) for plays in (player(fixed=True).trace, deck_plays))
+    assert np.abs(ours.safe - deck.safe).max() < 1e-3
 
 
 @pytest.mark.thorough
