@@ -169,7 +169,7 @@ def run(
                 began = state.began_ns = clock.now()
                 state.seconds = (began - start) * 1e-9
                 if channels and channels[-1].parked and all(channel.parked for channel in channels):
-                    faults = "; ".join(f"{channel.output.name}: {channel.fault}" for channel in channels)
+                    faults = "; ".join(f"{channel.name}: {channel.fault}" for channel in channels)
                     stop.ask(f"every output is parked ({faults})")
                     break
         except KeyboardInterrupt:

@@ -4,6 +4,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TypeVarTuple
 
+import numpy as np
+
 from controller.deck.interfaces import Output
 from controller.motion.rotations import Array
 from controller.motion.skeleton import Pose
@@ -28,11 +30,28 @@ class Channel:
     parked: bool = field(default=False, init=False)  # whether the output is no longer served
     _failed: bool = field(default=False, init=False)
     _failed_turns: int = field(default=0, init=False)
+    _prefix: str = field(default="", init=False)
+    # Of one of several robots: its joints among all J; measured and held positions (J,), rad, NaN for other joints.
+    _shared: tuple[slice, Array, Array] | None = field(default=None, init=False)
+
+    def share(self, first: int, joints: int, of: int, prefix: str = "") -> None:
+        """Gives the output the joints of one of several robots, from the `first` of all on; a prefix tells it apart."""
+        self._prefix = prefix
+        self._shared = slice(first, first + joints), np.full(of, np.nan), np.full(of, np.nan)
+
+    @property
+    def name(self) -> str:
+        """The name of the output."""
+        return self._prefix + self.output.name
 
     @property
     def lag(self) -> Array | None:
         """How long after a write each joint is there, shape (J,), s; None for an output that says nothing of it."""
-        return getattr(self.output, "lag", None)
+        lag: Array | None = getattr(self.output, "lag", None)
+        if self._shared is None:
+            return lag
+        own, measured, _ = self._shared
+        return _placed(lag, own, np.zeros(len(measured)))
 
     @property
     def corrected(self) -> bool:
@@ -49,9 +68,12 @@ class Channel:
         if self.parked or tick % self.every:
             return
         try:
-            self.measured = self.output.measured()
-            held = getattr(self.output, "held", None)
-            self.held = held() if held is not None else None
+            measured, held = self.output.measured(), getattr(self.output, "held", None)
+            places = held() if held is not None else None
+            if self._shared is not None:
+                own, of_measured, of_places = self._shared
+                measured, places = _placed(measured, own, of_measured), _placed(places, own, of_places)
+            self.measured, self.held = measured, places
         except Exception as error:
             self._count(error)
 
@@ -60,7 +82,7 @@ class Channel:
         if self.parked or tick % self.every:
             return
         try:
-            self.output.write(targets, pose)
+            self.output.write(targets if self._shared is None else targets[self._shared[0]], pose)
         except Exception as error:
             self._count(error)
         self._failed_turns = self._failed_turns + 1 if self._failed else 0
@@ -79,12 +101,20 @@ class Channel:
         inner = own.pop("faults", 0)
         faults = self.faults + (inner if isinstance(inner, int) else 0)
         last = {"fault": self.fault} if self.fault else {}
-        return {"name": self.output.name, "faults": faults, "parked": self.parked, **last, **own}
+        return {"name": self.name, "faults": faults, "parked": self.parked, **last, **own}
 
     def _count(self, error: Exception) -> None:
         self._failed = True
         self.faults += 1
         self.fault = in_words(error)
+
+
+def _placed(own: Array | None, at: slice, among: Array) -> Array | None:
+    """The values of some joints among those of all, which they are written into; None for none."""
+    if own is None:
+        return None
+    among[at] = own
+    return among
 
 
 Args = TypeVarTuple("Args")

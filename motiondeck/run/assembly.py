@@ -248,7 +248,7 @@ def _servers(opening: ExitStack, spec: RunSpec) -> list[CommandServer]:
 
 
 def _servos(robot: RobotOnDeck) -> RigOutput | None:
-    """The rig of a robot, before it is made one of several."""
+    """The rig of a robot."""
     if robot.rig is None:
         return None
     from motiondeck.run.robots.rig_output import RigOutput

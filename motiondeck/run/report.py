@@ -134,7 +134,7 @@ class RunNews:
         for index, channel in enumerate(self._channels):
             if channel.faults != self._faults[index]:
                 self._faults[index] = channel.faults
-                fault = f"{channel.output.name}: {channel.fault}"
+                fault = f"{channel.name}: {channel.fault}"
                 parked = f"{fault.removesuffix('.')}. Nothing more is sent to it"
                 self._handler.notify("fault", parked if channel.parked else fault)
             # Only the latest are kept: new ones are found by the count of each.
@@ -146,7 +146,7 @@ class RunNews:
             self._waiting[index] = new if explain is not None and not waiting else []
             ready = [] if self._waiting[index] else waiting + new
             for text, fault in explain(ready) if explain is not None else ((each, True) for each in ready):
-                self._handler.notify("fault" if fault else "servo", f"{channel.output.name}: {text}")
+                self._handler.notify("fault" if fault else "servo", f"{channel.name}: {text}")
 
 
 def run_report(

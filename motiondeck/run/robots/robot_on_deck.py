@@ -12,7 +12,6 @@ from controller.deck.interfaces import JointLimits, Retargeter
 from controller.deck.live_values import Gains
 from controller.library.motion_library import MotionLibrary
 from controller.loop.commands.interfaces import Pushable
-from controller.loop.ensemble import RobotOutput
 from controller.loop.output_channel import Channel
 from controller.motion.clip import Clip
 from controller.motion.rotations import Array
@@ -95,7 +94,7 @@ def channels_of(robots: Sequence[RobotOnDeck]) -> list[Channel]:
         # The rig goes first, because an approach starts from where the first output measures the joints.
         for channel in filter(None, (robot.rig, Channel(robot.simulation.stage))):
             if len(robots) > 1:
-                channel.output = RobotOutput(channel.output, first, len(robot.own_joints), count, robot.prefix)
+                channel.share(first, len(robot.own_joints), count, robot.prefix)
             channels.append(channel)
         first += len(robot.own_joints)
     return channels

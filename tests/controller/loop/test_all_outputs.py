@@ -10,7 +10,7 @@ from controller.deck.deck import Deck
 from controller.deck.interfaces import JointLimits
 from controller.loop.commands.command_handler import CommandHandler
 from controller.loop.commands.commanded_run import CommandedRun
-from controller.loop.ensemble import RobotOutput, all_limits, together
+from controller.loop.ensemble import all_limits, together
 from controller.loop.loop import run
 from controller.loop.output_channel import Channel
 from controller.loop.safety.safety_envelope import SafetyEnvelope
@@ -84,11 +84,9 @@ def played(timeline):
         LIBRARY, together([lambda pose, n=n: 2.0 * pose.rotation.ravel()[5 : 5 + n] for _, n in robots]), "march"
     )
     outputs = [[Output(f"{limits.velocity[0]}"), Output("bad", 7)] for limits, _ in robots]
-    channels = [
-        Channel(RobotOutput(output, first, count, 7))
-        for (_, count), first, pair in zip(robots, (0, 4), outputs, strict=True)
-        for output in pair
-    ]
+    channels = [Channel(output) for pair in outputs for output in pair]
+    for index, channel in enumerate(channels):
+        channel.share((0, 4)[index // 2], robots[index // 2][1], 7)
     limits = all_limits([QUICK, SLOW])
     desk, answers = CommandHandler(CommandedRun(deck), []), []
     waiting = list(zip(np.cumsum([ticks for ticks, _ in timeline]).tolist(), (c for _, c in timeline), strict=True))

@@ -1,10 +1,10 @@
 """Several robots as one: each gets its own joints, and none can move outside its own limits."""
 
 import numpy as np
-import pytest
 
 from controller.deck.interfaces import JointLimits
-from controller.loop.ensemble import RobotOutput, all_limits, together
+from controller.loop.ensemble import all_limits, together
+from controller.loop.output_channel import Channel
 from controller.motion.skeleton import Pose
 
 POSE = Pose(np.zeros(3), np.array(0.0), np.zeros((1, 4)))
@@ -39,25 +39,28 @@ def test_the_joints_of_all_stand_one_after_the_other():
     assert all_limits([limits(2, 0.5), limits(1, 2.0)]).upper.tolist() == [0.5, 0.5, 2.0]
 
 
-def test_an_output_gets_and_measures_its_own_joints_only():
+def test_an_output_gets_measures_and_holds_its_own_joints_only():
     output = Keeping()
-    share = RobotOutput(output, first=1, joints=2, of=4, called="second ")
-    share.write(np.arange(4.0), POSE)
+    channel = Channel(output)
+    channel.share(first=1, joints=2, of=4, prefix="second ")
+    channel.write(0, np.arange(4.0), POSE)
     assert output.written[0].tolist() == [1.0, 2.0]
-    assert share.measured() is None
-    output.present = np.array([7.0, 8.0])
-    assert np.array_equal(share.measured(), [np.nan, 7.0, 8.0, np.nan], equal_nan=True)
-    assert (share.incidents, share.explain) == ((), None)
-    output.incidents, output.explain = ["knee was switched off on command"], lambda new: [(new[0], False)]
-    assert share.explain(share.incidents) == [(output.incidents[0], False)]
-    share.close()
-    assert (share.name, share.report(), output.closed) == ("second keeping", {"written": 1}, 1)
+    channel.read(0)
+    assert (channel.measured, channel.held, channel.faults) == (None, None, 0)
+    output.present, output.held = np.array([7.0, 8.0]), lambda: np.array([0.1, 0.2])
+    channel.read(0)
+    assert np.array_equal(channel.measured, [np.nan, 7.0, 8.0, np.nan], equal_nan=True)
+    assert np.array_equal(channel.held, [np.nan, 0.1, 0.2, np.nan], equal_nan=True)
+    assert channel.report() == {"name": "second keeping", "faults": 0, "parked": False, "written": 1}
 
 
-def test_what_an_output_raises_reaches_the_loop():
+def test_what_an_output_of_several_raises_is_counted_by_its_name():
     class Broken(Keeping):
         def write(self, targets, pose):
             raise OSError("the cable is loose")
 
-    with pytest.raises(OSError, match="loose"):
-        RobotOutput(Broken(), first=0, joints=1, of=1).write(np.zeros(1), POSE)
+    channel = Channel(Broken())
+    channel.share(first=0, joints=1, of=2, prefix="second ")
+    channel.write(0, np.zeros(2), POSE)
+    assert "the cable is loose" in channel.fault
+    assert (channel.report()["name"], channel.faults) == ("second keeping", 1)

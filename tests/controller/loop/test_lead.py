@@ -11,7 +11,6 @@ from controller.deck.deck import Deck
 from controller.deck.interfaces import JointLimits
 from controller.loop.commands.command_handler import CommandHandler
 from controller.loop.commands.commanded_run import CommandedRun
-from controller.loop.ensemble import RobotOutput
 from controller.loop.lead import Delay, Lead
 from controller.loop.loop import run
 from controller.loop.output_channel import Channel
@@ -143,9 +142,11 @@ def test_of_two_outputs_that_lag_each_gets_its_own():
 
 
 def test_a_robot_of_several_lags_in_its_own_joints_only():
-    output = RobotOutput(Written([0.03, 0.01]), 1, 2, 4)
-    assert output.lag.tolist() == [0.0, 0.03, 0.01, 0.0]
-    assert RobotOutput(Written(), 1, 2, 4).lag is None
+    late, prompt = Channel(Written([0.03, 0.01])), Channel(Written())
+    for channel in (late, prompt):
+        channel.share(1, 2, of=4)
+    assert late.lag.tolist() == [0.0, 0.03, 0.01, 0.0]
+    assert prompt.lag is None
 
 
 def test_a_delay_is_linear_between_ticks_and_begins_with_its_first_values():
