@@ -26,6 +26,15 @@ class MotiondeckError(Exception):
             raise cls.unwritable(path, error) from None
 
     @classmethod
+    @contextmanager
+    def placed(cls, place: str | Path, remedy: str = "") -> Iterator[None]:
+        """Makes any of these errors from inside one of this class that names the place, and has a remedy follow."""
+        try:
+            yield
+        except MotiondeckError as error:
+            raise cls(f"{place}: {error}{remedy}") from None
+
+    @classmethod
     def missing(cls, path: str | Path, what: str = "file") -> Self:
         """The error for a file that does not exist; `what` else it might have been, as "file or folder"."""
         return cls(f"{path}: there is no such {what}. Check the name.")
@@ -43,15 +52,6 @@ class FileFormatError(MotiondeckError):
     def listing(cls, place: str, problems: Sequence[str]) -> Self:
         """The error for several problems of one file: one line each, and each begins with `place`."""
         return cls("\n".join(f"{place}: {problem}" for problem in problems))
-
-    @classmethod
-    @contextmanager
-    def placed(cls, place: str | Path, remedy: str = "") -> Iterator[None]:
-        """Names the place in such an error from inside, and has a remedy follow."""
-        try:
-            yield
-        except cls as error:
-            raise cls(f"{place}: {error}{remedy}") from None
 
 
 class UnknownNameError(MotiondeckError):

@@ -9,6 +9,9 @@ from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar
+
+import msgspec
 
 from motiondeck_base.errors import FileFormatError, MotiondeckError
 
@@ -16,6 +19,7 @@ LARGEST = 256 * 2**20  # bytes; CMU's files need that much for three quarters of
 GZIP, ZIP = b"\x1f\x8b", b"PK\x03\x04"
 _WEB_PAGES = (b"<!doctype html", b"<html")
 _FBX = (b"Kaydara FBX Binary", b"; FBX ")
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True)
@@ -185,6 +189,14 @@ def keep(path: Path, content: bytes) -> None:
     with suppress(MotiondeckError, OSError):
         path.parent.mkdir(parents=True, exist_ok=True)
         write_file(path, content)
+
+
+def read_kept(path: Path, kind: type[T]) -> T | None:
+    """What is kept in a JSON file as values of a type; None where there is no such file, or it is damaged."""
+    try:
+        return msgspec.json.decode(path.read_bytes(), type=kind)
+    except (OSError, msgspec.DecodeError, UnicodeDecodeError, RecursionError):
+        return None
 
 
 def _replace(path: Path, parts: Iterable[bytes | memoryview], mode: int) -> None:

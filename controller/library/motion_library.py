@@ -75,11 +75,9 @@ class LibraryInfo(NetworkHeader, frozen=True, kw_only=True):
 def read_header(path: Path, tree: object) -> LibraryInfo:
     """The header of a library file, checked; a FileFormatError names in one line the file and what is wrong."""
     info = shaped(tree, LibraryInfo, f"{path} (header)")
-    try:
+    with FileFormatError.placed(f"{path} (header)"):
         network_kind(info.network)
         UnknownNameError.check("encoding", info.encoding, ENCODINGS)
-    except UnknownNameError as error:
-        raise FileFormatError(f"{path} (header): {error}") from None
     names = [motion.name for motion in info.motions]
     if not names or len(set(names)) < len(names):
         raise FileFormatError(f"{path}: its header names no motion, or one twice")

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from controller.motion.encodings.normalisation import Normalisation
 from controller.motion.rotations import Array
 from motiondeck_base.arrays_file import StoredArrays
-from motiondeck_base.errors import FileFormatError, MotiondeckError
+from motiondeck_base.errors import FileFormatError
 
 LEVELS: Array = np.linspace(-1.0, 1.0, 9)  # at which a motion's settled states are kept; between them they are mixed
 FEWEST_ANCHORS = 3  # with fewer it is unknown how a motion moves
@@ -116,10 +116,8 @@ class StoredNetwork:
     def normalisation(self, at: str = "") -> Normalisation:
         """Between normalised channels and the encoding's units."""
         arrays = self.read(at, {"c": self.channels}, np.float64, shift="c", scaling="c")
-        try:
+        with FileFormatError.placed(self.stored.path):
             return Normalisation(**arrays)
-        except MotiondeckError as error:
-            raise self.error(str(error)) from None
 
     def error(self, problem: str) -> FileFormatError:
         """An error that names the file."""

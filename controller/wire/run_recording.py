@@ -77,20 +77,16 @@ class RecordingWriter:
 
         FileFormatError if they cannot be written; earlier ticks stay readable.
         """
-        try:
+        with FileFormatError.writing(self._path):
             for start in range(0, max(len(rows), 1), _MOST_ROWS):
                 part = rows[start : start + _MOST_ROWS]
                 self._write(len(part), np.ascontiguousarray(part, dtype="<f8").tobytes())
             os.fsync(self._file.fileno())
-        except OSError as error:
-            raise FileFormatError.unwritable(self._path, error) from None
 
     def append_events(self, lines: bytes) -> None:
         """Adds lines, each a `RecordedEvent` in JSON; they are on the disk with the next `append`. Raises as that."""
-        try:
+        with FileFormatError.writing(self._path):
             self._write(EVENTS + len(lines), lines)
-        except OSError as error:
-            raise FileFormatError.unwritable(self._path, error) from None
 
     def _write(self, count: int, data: bytes) -> None:
         self._file.write(_CHUNK.pack(count, zlib.crc32(data)) + data)

@@ -16,7 +16,7 @@ import msgspec
 
 from hardware.bus.port import lasting_name
 from hardware.families.register import Counts
-from motiondeck_base.files import write_file
+from motiondeck_base.files import read_kept, write_file
 from motiondeck_base.shipped import state_folder
 
 
@@ -42,10 +42,7 @@ class TurnFile:
 
     def read(self) -> dict[int, Turn]:
         """What is kept; nothing where there is no file, or a damaged one."""
-        try:
-            return msgspec.json.decode(self.path.read_bytes(), type=dict[int, Turn])
-        except (OSError, msgspec.DecodeError):
-            return {}
+        return read_kept(self.path, dict[int, Turn]) or {}
 
     def keep(self, turns: Mapping[int, Turn]) -> None:
         """Writes these beside what else is kept, on the disk itself; raises a FileFormatError if that fails."""

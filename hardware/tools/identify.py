@@ -176,10 +176,8 @@ class JointTrials:
             if isinstance(ended, Stopped):
                 raise
             raise RigError(f"{ended}. The joint was braked; nothing is written.") from None
-        try:
+        with RigError.placed(joint.label):
             return response(log.answers)
-        except RigError as error:
-            raise RigError(f"{joint.label}: {error}") from None
 
     def _follow(
         self, index: int, targets: Iterable[float], watch: _Watch | None = None, log: _Log | None = None

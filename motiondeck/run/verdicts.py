@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
-from motiondeck_base.files import keep
+from motiondeck_base.files import keep, read_kept
 from motiondeck_base.shipped import find_library, find_rig, shipped_configs, user_cache
 from sim.robots.verdict import RobotVerdict
 
@@ -60,14 +60,14 @@ class Judged:
 
         from motiondeck_base.jobs import Jobs, spread
 
-        known = _read(self._file).get(self._key, {})
+        known = self._tables.get(self._key, {})
         new = [name for name in names if name not in known]
         where = jobs or Jobs(max(1, min(cpu_count(), len(new) // PER_PROCESS)))
         made = spread((delayed(_judge)(self, name) for name in new), where)
         for name in names:
             if name not in known:
                 known[name] = next(made)
-                tables = _read(self._file)
+                tables = self._tables
                 mine = tables.pop(self._key, {}) | {name: known[name]}
                 keep(self._file, msgspec.json.encode(dict([*tables.items()][1 - KEPT :]) | {self._key: mine}))
             yield from known[name]
@@ -78,7 +78,7 @@ class Judged:
 
     def kept(self) -> dict[str, RobotVerdict]:
         """The verdicts on motions that have been made, by motion."""
-        known = _read(self._file).get(self._key, {}) if self._file.exists() else {}
+        known = self._tables.get(self._key, {}) if self._file.exists() else {}
         return {row: verdicts[0] for row, verdicts in known.items() if not row.endswith(">")}
 
     @property
@@ -87,6 +87,10 @@ class Judged:
         if folder.resolve() == (shipped_configs() / "robots").resolve() or not os.access(folder, os.W_OK):
             folder = user_cache() / "verdicts"
         return folder / f"{self.robot.stem}.verdicts.json"
+
+    @property
+    def _tables(self) -> Tables:
+        return read_kept(self._file, Tables) or {}
 
     @cached_property
     def _key(self) -> str:
@@ -98,13 +102,6 @@ class Judged:
         for file in (self.library, self.rig):
             digest.update(hashlib.sha256(file.read_bytes() if file is not None else b"").digest())
         return digest.hexdigest()
-
-
-def _read(file: Path) -> Tables:
-    try:
-        return msgspec.json.decode(file.read_bytes(), type=Tables)
-    except (OSError, msgspec.MsgspecError, UnicodeDecodeError):
-        return {}
 
 
 def _judge(judged: Judged, row: str) -> list[RobotVerdict]:

@@ -135,8 +135,8 @@ class Conductor:
         command = show_command(line)
         for deck, motion in product(decks, command.motions):
             about = self._seen[deck].about
-            if about is not None and motion not in about.rounds:
-                raise UnknownNameError(f"{deck}: {UnknownNameError.among('motion', motion, about.rounds)}")
+            if about is not None:
+                UnknownNameError.check("motion", motion, about.rounds, f"{deck}: ")
         self._send(line, _on_grid(self.now() + self.show.lead), names, decks, [command], None)
         return f"{_receivers(decks, self._seen.present_names)}: {line}"
 

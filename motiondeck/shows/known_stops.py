@@ -5,7 +5,7 @@ from pathlib import Path
 import msgspec
 
 from motiondeck.shows.messages import EmergencyStopAll
-from motiondeck_base.files import write_file
+from motiondeck_base.files import read_kept, write_file
 
 MOST_SENT, _REMEMBERED = 16, 64
 
@@ -55,10 +55,7 @@ class StopMemory:
 
     def read(self) -> list[EmergencyStopAll]:
         """Those of the deck's last run; none if there is no such file, or it is damaged."""
-        try:
-            return msgspec.json.decode(self._path.read_bytes(), type=list[EmergencyStopAll])
-        except (OSError, msgspec.MsgspecError):
-            return []
+        return read_kept(self._path, list[EmergencyStopAll]) or []
 
     def write(self, stops: list[EmergencyStopAll]) -> None:
         """Keeps them; raises a FileFormatError if that is not possible."""

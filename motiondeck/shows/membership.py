@@ -105,12 +105,10 @@ def with_certificates(folder: Path, *, listens: bool = True) -> Membership:
         which = f", such as {' or '.join(members)}" if members else ""
         raise MotiondeckError(f"{folder}: {what}; `motiondeck fleet certificates` makes one for each{which}")
     file = read_toml(path, MemberFile)
-    try:
+    with FileFormatError.placed(path):
         for what, name in (("show", file.show), *(("member of a show", name) for name in file.members)):
             check_name(name, what)
         places = {name: host_and_port(address) for name, address in file.members.items()}
-    except MotiondeckError as error:
-        raise FileFormatError(f"{path}: {error}") from None
     endpoints = {name: f"tls/{f'[{host}]' if ':' in host else host}:{port}" for name, (host, port) in places.items()}
     if file.name not in endpoints:
         raise FileFormatError(f"{path}: its own name '{file.name}' is not among its members")

@@ -14,7 +14,7 @@ from controller.networks.centralized.low_rank import LowRankWeights, PackedWeigh
 from controller.networks.centralized.satellites import GaussianSatellites
 from controller.networks.centralized.switching_design import design_module
 from controller.networks.storage import StoredNetwork, arrays_of
-from motiondeck_base.errors import MotiondeckError
+from motiondeck_base.errors import FileFormatError
 
 ANCHOR_EVERY = 2
 
@@ -100,11 +100,9 @@ class CentralizedNetwork(Network[CentralizedMotion]):
             found = stored.read(at, sizes, np.float64, frequency="n", phase="n", rest="c")
             weights = _stored_weights(stored, at, sizes)
             seconds = (motion.frames if loop else max(1, motion.frames - 1)) / header.rate
-            try:
+            with FileFormatError.placed(f"{stored.stored.path}: motion '{motion.name}'"):
                 satellites = GaussianSatellites(**placed)
                 part = CentralizedMotion(satellites=satellites, weights=weights, seconds=seconds, loop=loop, **found)
-            except MotiondeckError as error:
-                raise stored.error(f"motion '{motion.name}': {error}") from None
             motions[motion.name] = part
         return cls(motions, header.rate)
 
@@ -115,10 +113,8 @@ def _stored_weights(stored: StoredNetwork, at: str, sizes: dict[str, int]) -> Ar
     own: dict[str, int] = {}
     flags, used = stored.read(at, own, np.uint8, nonzero="b"), stored.read(at, own, np.int32, used="r")
     packed = PackedWeights(**flags, **used, **stored.read(at, own, shares="s", curves="v"))
-    try:
+    with FileFormatError.placed(f"{stored.stored.path}: '{at}'"):
         return packed.unpack(sizes["c"], sizes["m"])
-    except MotiondeckError as error:
-        raise stored.error(f"'{at}': {error}") from None
 
 
 KIND = CentralizedNetwork

@@ -68,10 +68,8 @@ def parse_command(words: Sequence[str]) -> DeckCommand:
         words = words[0].split()
     row = BY_WORD.get(words[0]) if words else None
     if row is not None:
-        try:
+        with CommandError.placed(words[0]):
             return checked(_MESSAGES[COMMANDS.index(row)](**_values(row, words[1:])))
-        except CommandError as error:
-            raise CommandError(f"{words[0]}: {error}") from None
     if len(words) == 1:
         return checked(Switch(words[0]))
     hint = did_you_mean(words[0], BY_WORD) if words else ""

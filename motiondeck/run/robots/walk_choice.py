@@ -12,7 +12,7 @@ from controller.deck.deck import Deck
 from controller.library.motion_library import load_library
 from controller.loop.safety.safety_envelope import SafetyEnvelope
 from motiondeck_base.errors import MotiondeckError
-from motiondeck_base.files import keep
+from motiondeck_base.files import keep, read_kept
 from motiondeck_base.progress import progress
 from motiondeck_base.shipped import find_library, user_cache
 from sim.models.robot_file import WalkSettings
@@ -45,9 +45,7 @@ def able_to_walk(robot: Robot, file: Path) -> Robot:
     limits = [part.tolist() for part in (robot.limits.lower, robot.limits.upper, robot.limits.velocity)]
     rest = msgspec.json.encode([limits, robot.rest.tolist(), robot.servo, WALKS, code_digest(Path(__file__))])
     kept = user_cache() / "walks" / f"{hashlib.sha256(model.tobytes() + rest).hexdigest()[:32]}.json"
-    try:
-        choice = msgspec.json.decode(kept.read_bytes(), type=WalkChoice)
-    except (OSError, msgspec.DecodeError):
+    if (choice := read_kept(kept, WalkChoice)) is None:
         choice = choose_walk(file)
         keep(kept, msgspec.json.encode(choice))
     if choice.walk is None:

@@ -24,7 +24,6 @@ from controller.library.motion_library import MotionLibrary, load_library
 from controller.loop.clock import period_ns
 from controller.motion.clip import Clip
 from controller.motion.formats.reading import read_clip
-from controller.wire.messages.arguments import CommandError
 from controller.wire.messages.command_table import BY_WORD, parse_command
 from controller.wire.messages.commands import DeckCommand, Switch
 from motiondeck.run.spec.run_spec import RunSpec
@@ -58,21 +57,18 @@ def read_timeline(path: Path, motions: Sequence[str]) -> tuple[str, list[Timed]]
     FileFormatError names the file, the command that is wrong, and what it should be.
     """
     file = read_toml(path, _File)
-    if file.motion not in motions:
-        raise FileFormatError(f"{path}: {UnknownNameError.among('motion', file.motion, motions)}")
+    with FileFormatError.placed(path):
+        UnknownNameError.check("motion", file.motion, motions)
     timeline: list[Timed] = []
     for number, line in enumerate(file.commands, start=1):
         place = f"{path}, command {number}"
         if line.at < 0.0:
             raise FileFormatError(f"{place}: at = {line.at} is not a number of seconds from 0 on")
-        try:
+        with FileFormatError.placed(place):
             message = parse_command(line.say.split())
             message.row.check_use("script")
-        except CommandError as error:
-            raise FileFormatError(f"{place}: {error}") from None
-        for name in message.motions:
-            if name not in motions:
-                raise FileFormatError(f"{place}: {UnknownNameError.among('motion', name, motions)}")
+            for name in message.motions:
+                UnknownNameError.check("motion", name, motions)
         timeline.append(Timed(line.at, message))
     return file.motion, sorted(timeline, key=lambda timed: timed.at)
 

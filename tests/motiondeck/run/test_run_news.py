@@ -7,7 +7,7 @@ from motiondeck.run.report import RunNews
 
 def test_a_parked_output_is_told_in_whole_sentences():
     told = []
-    channel = SimpleNamespace(output=SimpleNamespace(name="rig"), faults=1, fault="id 3 is gone.", parked=True)
+    channel = SimpleNamespace(name="rig", output=None, faults=1, fault="id 3 is gone.", parked=True)
     desk = SimpleNamespace(notify=lambda kind, text, motion="": told.append(text))
     RunNews(desk, SimpleNamespace(period=0.25, overruns=0), [channel], []).update()
     assert told == ["rig: id 3 is gone. Nothing more is sent to it"]
@@ -15,8 +15,8 @@ def test_a_parked_output_is_told_in_whole_sentences():
 
 def test_an_incident_that_happens_again_is_told_again_and_a_command_is_no_fault():
     told = []
-    rig = SimpleNamespace(name="rig", incidents=[], explain=lambda new: [(text, text != off) for text in new])
-    channel = SimpleNamespace(output=rig, faults=0, fault="", parked=False)
+    rig = SimpleNamespace(incidents=[], explain=lambda new: [(text, text != off) for text in new])
+    channel = SimpleNamespace(name="rig", output=rig, faults=0, fault="", parked=False)
     desk = SimpleNamespace(notify=lambda kind, text, motion="": told.append((kind, text)))
     news = RunNews(desk, SimpleNamespace(period=0.25, overruns=0), [channel], [])
     off, limp = "knee was switched off on command", "knee is limp"

@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from benchmarks.simulated_time import EmulatedPort
+from controller.loop.output_channel import Channel
 from controller.motion.skeleton import Pose
 from hardware.bus.servo_bus import Bus
 from hardware.emulator.bus import EmulatedBus
@@ -93,7 +94,7 @@ class Played:
         rig = Rig(config, lambda part: Bus(self.line, part.baud), beside=False, sleep=self.line.elapse)
         self.output = RigOutput(rig, rig.names, 1.0 / TICK)
         self.events = []
-        channel = SimpleNamespace(output=self.output, faults=0, fault="", parked=False)
+        channel = Channel(self.output)
         handler = SimpleNamespace(
             notify=lambda kind, text, motion="": self.events.append((self.line.now(), kind, text))
         )
