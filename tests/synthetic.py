@@ -104,7 +104,7 @@ def training_set():
 
 
 def judge():
-    return training_set().judge(holds=True)
+    return training_set().judge
 
 
 def lessons():

@@ -98,7 +98,6 @@ def failures(evaluation: Evaluation, kind: Kind, seeds: range, runs: int, jobs: 
             evaluation.syllabus,
             runs,
             motions=motions,
-            holds=evaluation.holds,
             guarded=False,
             jobs=jobs,
             tick=tick,

@@ -262,7 +262,7 @@ def within(data: Path, sources: list[str], tolerances: list[float], seeds: list[
 
 def fitted(recipe: NetworkRecipe, known: TrainingSet, seeds: list[int]) -> list[tuple[AnyNetwork, list[float]]]:
     """The network of a recipe with a tolerance for each seed, with the errors of its motions in the self-test, mm."""
-    lessons, judge = known.lessons(), known.judge(holds=True)
+    lessons, judge = known.lessons(), known.judge
     found: list[tuple[AnyNetwork, list[float]]] = []
     for seed in seeds:
         sized = trainer_of(recipe).sized(recipe, lessons, seed, judge, lambda _: None)

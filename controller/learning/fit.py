@@ -47,7 +47,7 @@ def fit_prepared(
                 f"network.anchor_every = {recipe.network.anchor_every} leaves '{name}' with fewer than "
                 f"{FEWEST_ANCHORS} states to start from; give a smaller number"
             )
-    lessons, judge = training_set.lessons(), training_set.judge(holds=not recipe.as_recorded)
+    lessons, judge = training_set.lessons(), training_set.judge
 
     def train_with(seed: int) -> TrainedNetwork:
         progress(f"training (seed {seed})")

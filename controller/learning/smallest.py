@@ -46,7 +46,7 @@ def smallest_network(
 
     MotiondeckError if none keeps to the tolerance.
     """
-    lessons, judge = training_set.lessons(), training_set.judge(holds=True)
+    lessons, judge = training_set.lessons(), training_set.judge
     keyed, clip = PhaseEchoStateRecipe(tolerance_mm=tolerance_mm), ClipRecipe(tolerance_mm=tolerance_mm)
     chosen: Candidate | None = None
     others: list[Candidate] = []

@@ -67,6 +67,7 @@ class TrainingSet:
     # What was recorded, of motions that can be compared with it; made when it is asked for.
     recorded: dict[str, Recorded] = field(default_factory=dict[str, Recorded])
     least_range: float = 0.0  # of a channel, for its normalisation, in its unit
+    holds: bool = True  # whether one-shots are taught to hold their end
     # Of motions with an input, the loop at each of its values, the first as in `frames`.
     variants: dict[str, list[Variant]] = field(default_factory=dict[str, list[Variant]])
     inputs: dict[str, str] = field(default_factory=dict[str, str])  # names of the inputs
@@ -83,9 +84,10 @@ class TrainingSet:
         motions = MotionsOnDemand(list(self.frames), partial(self._motion, normalisation))
         return Lessons(motions, normalisation, self.rate, partial(joint_features, self.encoding))
 
-    def judge(self, *, holds: bool) -> Judge:
-        """Judges runs by the training frames; `holds`, if one-shots were taught to hold their end."""
-        return Judge(self.encoding, self.frames, self.loops, self.rate, holds=holds)
+    @property
+    def judge(self) -> Judge:
+        """Judges runs by the training frames."""
+        return Judge(self.encoding, self.frames, self.loops, self.rate, holds=self.holds)
 
     def _motion(self, normalisation: Normalisation, name: str) -> TrainingMotion:
         scaled = normalisation.apply
@@ -132,7 +134,8 @@ def prepare(
     encoding = encoding_of(_body(recipe, data, clips, actors), twist=twist)
     loops = {motion.name: motion.plays == "loop" for motion in recipe.motions}
     inputs = {motion.name: motion.input for motion in recipe.motions if motion.input}
-    found = TrainingSet(encoding, rate, {}, loops, least_range=trainer.least_range, inputs=inputs, actors=actors)
+    least, holds = trainer.least_range, not recipe.as_recorded
+    found = TrainingSet(encoding, rate, {}, loops, least_range=least, holds=holds, inputs=inputs, actors=actors)
     for motion in recipe.motions:
         name, clip = motion.name, clips[motion.name]
         if motion.input:

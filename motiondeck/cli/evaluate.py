@@ -89,7 +89,7 @@ def accuracy(evaluation: Evaluation, seeds: range) -> Table:
         errors, verdicts = evaluation.training_errors(seeds, tick)
     notes = ["NRMSE as Jaeger's nrmse.m computes it, not eq. 3.3 as printed (docs/evaluation.md)"]
     table = training_table(f"{evaluation.name}: training", errors, verdicts, notes)
-    player, judge, clips = evaluation.clips, evaluation.judge, []
+    player, judge, clips = evaluation.clips, evaluation.syllabus.judge, []
     clips.append(("clip player", sum(1e-3 * player[name].nbytes for name in player.motions), self_test(player, judge)))
     near = float(np.median([verdict.error_mm for tested in verdicts for verdict in tested.values()]))
     if np.isfinite(near):
@@ -106,7 +106,7 @@ def failures(evaluation: Evaluation, kind: Kind, seeds: range, runs: int, jobs: 
     with progress("training", len(seeds)) as tick:
         networks = evaluation.networks(seeds, jobs, tick)
     with progress(kind, len(networks) * len(evaluation.syllabus.frames)) as tick:
-        counts = sweep(kind, networks, evaluation.syllabus, runs, holds=evaluation.holds, jobs=jobs, tick=tick)
+        counts = sweep(kind, networks, evaluation.syllabus, runs, jobs=jobs, tick=tick)
     notes = [
         "low, high: 95 % intervals over motions and networks, whose runs are not independent. A one-shot fails where "
         "it is not played through once more.",
@@ -138,10 +138,10 @@ def transitions(evaluation: Evaluation, seed: int, jobs: Jobs) -> Table:
     else:
         with progress("training", 1) as tick:
             (subject,) = evaluation.networks([seed], ALONE, tick)
-        verdicts = self_test(subject.network, evaluation.judge)
+        verdicts = self_test(subject.network, syllabus.judge)
         library = assemble(evaluation.recipe, syllabus, subject.network, subject.seed, verdicts)
     with progress("transitions", len(syllabus.frames)) as tick:
-        crossings = all_crossings(library, syllabus, holds=evaluation.holds, jobs=jobs, tick=tick)
+        crossings = all_crossings(library, syllabus, jobs=jobs, tick=tick)
     notes = [
         "median / 95th percentile / maximum; velocity, acceleration, jerk: peaks over the larger of both motions' own",
         "clip player: the recordings themselves, joined as the deck joins motions",

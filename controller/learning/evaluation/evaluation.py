@@ -8,7 +8,7 @@ from joblib import delayed
 
 from controller.learning.evaluation.failure_rates import Tick, gathered, train_network
 from controller.learning.fit import TrainedNetwork
-from controller.learning.measures.self_test import Judge, MotionVerdict, self_test
+from controller.learning.measures.self_test import MotionVerdict, self_test
 from controller.learning.recipe import LibraryRecipe, read_recipe, recipe_of
 from controller.learning.trainers.trainer import TrainingError, trainer_of
 from controller.learning.training_set import TrainingSet, prepare
@@ -27,16 +27,6 @@ class Evaluation:
     recipe: LibraryRecipe
     library: Path | None
     syllabus: TrainingSet
-
-    @property
-    def holds(self) -> bool:
-        """Whether one-shot motions were taught to hold their end."""
-        return not self.recipe.as_recorded
-
-    @property
-    def judge(self) -> Judge:
-        """Decides whether a run is right."""
-        return self.syllabus.judge(holds=self.holds)
 
     @property
     def clips(self) -> ClipPlayer:
@@ -61,7 +51,7 @@ class Evaluation:
         """The motions of a library's network that are not right even when nothing disturbs them."""
         if self.library is None:
             return []
-        verdicts = self_test(networks[0].network, self.judge)
+        verdicts = self_test(networks[0].network, self.syllabus.judge)
         return [name for name, verdict in verdicts.items() if not verdict.passed]
 
     def training_errors(
@@ -73,15 +63,15 @@ class Evaluation:
         errors, verdicts = [], []
         for seed in seeds:
             errors.append(training_error(self.recipe, self.syllabus, seed))
-            verdicts.append(self_test(errors[-1].network, self.judge))
+            verdicts.append(self_test(errors[-1].network, self.syllabus.judge))
             tick()
         return errors, verdicts
 
 
 def training_error(recipe: LibraryRecipe, syllabus: TrainingSet, seed: int) -> TrainingError:
     """Trains a recipe with a seed and measures it, as tables 4.1, 4.3 and 4.5 of Deliallisi 2017."""
-    trainer, judge = trainer_of(recipe.network), syllabus.judge(holds=not recipe.as_recorded)
-    return trainer.training_error(recipe.network, syllabus.lessons(), syllabus.frames, seed, judge)
+    trainer = trainer_of(recipe.network)
+    return trainer.training_error(recipe.network, syllabus.lessons(), syllabus.frames, seed, syllabus.judge)
 
 
 def read_evaluation(subject: str, data: Path) -> Evaluation:

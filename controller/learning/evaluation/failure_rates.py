@@ -46,7 +46,6 @@ def sweep(
     runs: int,
     *,
     motions: list[str] | None = None,
-    holds: bool = True,
     guarded: bool = True,
     jobs: Jobs = ALONE,
     tick: Tick = lambda: None,
@@ -54,9 +53,9 @@ def sweep(
     """Disturbs every motion of every network, without a guard and with one where the deck plays it with one.
 
     One count for each, in their order, after which `tick` is called. `syllabus` has the frames that the networks
-    learned, to judge by; `holds` says whether one-shots were taught to hold their end.
+    learned, to judge by.
     """
-    judge = syllabus.judge(holds=holds)
+    judge = syllabus.judge
     tasks = (
         delayed(_count)(kind, trained, motion, runs, judge, len(syllabus.frames[motion]), guarded)
         for trained in networks
@@ -76,7 +75,7 @@ def gathered(tasks: Iterable[Any], jobs: Jobs, tick: Tick) -> list[Any]:
 
 def train_network(recipe: LibraryRecipe, syllabus: TrainingSet, seed: int) -> TrainedNetwork:
     """Trains a network; as in `fit`, other seeds are tried if a motion fails its self-test, but not `as_recorded`."""
-    lessons, judge = syllabus.lessons(), syllabus.judge(holds=not recipe.as_recorded)
+    lessons, judge = syllabus.lessons(), syllabus.judge
     seeds = [seed + SEEDS_APART * attempt for attempt in range(1 if recipe.as_recorded else ATTEMPTS)]
     with threadpool_limits(1):
         taught = first_to_pass(seeds, lambda drawn: settle(recipe.network, lessons, drawn, judge))

@@ -56,22 +56,20 @@ class MeasuredTransition:
 
 
 def all_crossings(
-    library: MotionLibrary, syllabus: TrainingSet, *, holds: bool = True, jobs: Jobs = ALONE, tick: Tick = lambda: None
+    library: MotionLibrary, syllabus: TrainingSet, *, jobs: Jobs = ALONE, tick: Tick = lambda: None
 ) -> list[MeasuredTransition]:
     """All ordered pairs with all methods; one switch per pair, at a random moment of the source.
 
-    `syllabus` has the frames that the library's network learned, to judge by; `holds` says whether one-shots were
-    taught to hold their end; `tick` is called after each source. MotiondeckError if the motions were taught on a rig:
-    they have no bones to be judged by.
+    `syllabus` has the frames that the library's network learned, to judge by; `tick` is called after each source.
+    MotiondeckError if the motions were taught on a rig: they have no bones to be judged by.
     """
     if library.skeleton.is_rig:
         raise MotiondeckError(
             f"library '{library.info.name}' holds the joint angles of a rig, and transitions are judged by where the "
             "joints of a body go. How closely a rig follows a switch is in the report of: motiondeck play --json"
         )
-    judge = syllabus.judge(holds=holds)
     peaks = {name: _own_peaks(syllabus, frames, syllabus.loops[name]) for name, frames in syllabus.frames.items()}
-    tasks = (delayed(_from)(source, library, syllabus, judge, peaks) for source in syllabus.frames)
+    tasks = (delayed(_from)(source, library, syllabus, syllabus.judge, peaks) for source in syllabus.frames)
     return list(chain.from_iterable(gathered(tasks, jobs, tick)))
 
 

@@ -41,9 +41,7 @@ def test_it_keeps_to_its_tolerance_and_passes_disturbed(library):
 
 
 def test_it_is_about_as_small_as_the_clip_and_far_smaller_than_its_readouts(library):
-    rival = clip.TRAINER.settle(
-        clip.ClipRecipe(tolerance_mm=1.0), known().lessons(), 0, known().judge(holds=True)
-    ).network
+    rival = clip.TRAINER.settle(clip.ClipRecipe(tolerance_mm=1.0), known().lessons(), 0, known().judge).network
     assert library.network.stored_bytes <= 1.1 * rival.stored_bytes
     plain = synthetic.trained(msgspec.structs.replace(RECIPE, neurons=library.info.scales.neurons))
     assert library.network.stored_bytes < 0.05 * plain.stored_bytes
