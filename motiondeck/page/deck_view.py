@@ -61,6 +61,7 @@ class DeckView:
         self._add_side(model, about, commands, dropped)
         self._camera, self._centre = Follower(), np.zeros(2)
         self._last_picture = self._last_health = 0.0
+        self._commanded: object = None
 
     def _add_side(self, model: mujoco.MjModel, about: PageDescription, commands: CommandClient, dropped: Path) -> None:
         """Puts the servos and the learning of new motions on the left, and the last minutes below."""
@@ -98,7 +99,12 @@ class DeckView:
 
     def show(self, latest: Picture, now: float) -> None:
         """Draws a picture at a time, s, and for browsers that look back what was shown then."""
-        self._past.timeline.keep(latest, shown_motions(latest.snapshot), now)
+        state = latest.snapshot
+        commanded = state.queue, state.commanded_tempo, state.lock and state.lock.source
+        if commanded != self._commanded:  # of these no event tells
+            self._past.call_back()
+        self._commanded = commanded
+        self._past.timeline.keep(latest, shown_motions(state), now)
         self._history.keep(latest, now)
         if clients := self._page.get_clients():  # drawing without a browser costs as much
             self._draw(latest, min(now - self._last_picture, LONGEST_STEP))

@@ -72,7 +72,8 @@ def deck_buttons(now: DeckSnapshot) -> list[CommandButton]:
 
 def deck_cues(now: DeckSnapshot) -> list[CueRow]:
     """What a deck plays, and what it plays next."""
-    rows = [CueRow("now", shown_motions(now))] + [CueRow("next", now.motion)] * now.switching
+    begins = now.switching and now.motion != now.playing
+    rows = [CueRow("now", shown_motions(now))] + [CueRow("next", now.motion)] * begins
     for place, name in enumerate(now.queue):
         # A motion that is commanded clears the queue.
         anew = [["switch", now.motion], *_queued(now.queue[:place] + now.queue[place + 1 :])]

@@ -198,3 +198,5 @@ def test_a_page_says_that_it_lost_a_deck_but_not_after_the_end(browser, ended, s
         until(tab.locator("div[style*='pointer-events: none'] #state-line").count, "the lost link")
         style = "e => getComputedStyle(e, '::before').content"
         until(lambda: tab.locator("#state-line").evaluate(style) == said, said)
+        tab.get_by_role("button", name="Operate", exact=True).dispatch_event("click")
+        expect(tab.locator(".operate .link")).to_be_visible(visible=not ended)

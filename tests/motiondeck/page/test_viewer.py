@@ -71,6 +71,7 @@ class FakeDeck:
         self.received, self.subscribers, self.news = [], [], []
         self.stride = 0.0  # m a tick
         self.pose = lambda tick, qpos: None  # changes qpos before each tick
+        self.tempo = 1.0
         self.lift = 0.0  # m, of the root above where it stands
         self._qpos = model.qpos0.copy()
         self._over = threading.Event()
@@ -92,6 +93,7 @@ class FakeDeck:
                 playing=MOTIONS[motion],
                 mode=mode,
                 phase=0.4,
+                commanded_tempo=self.tempo,
                 lock=LockState("beat", "locked", 3.6, 117.0),
                 rate_hz=199.98,
                 health=TickHealth(work_p50_us=412.0),
@@ -384,6 +386,7 @@ def test_each_browser_looks_back_alone_and_is_called_back_by_what_happens(deck, 
         called_back = (
             lambda: deck.news.append(Event("fault", "rig: knee is hot", "walk", 3.0, 1)),
             lambda: deck.news.append(Event("mode", "emergency stop", "walk", 4.0, 2)),
+            lambda: setattr(deck, "tempo", 1.2),  # from a terminal: there is no event of it
             lambda: other.keyboard.press("2"),
             lambda: one.get_by_role("button", name="back to now").click(),
         )

@@ -16,7 +16,7 @@ motiondeck.part("notices", (element, { alarms: [alarm], more, passing }, send) =
   write(names, servos);
   names.title = servos;
   const button = child(shown, "acknowledge", "button", "");
-  write(button, more > 0 ? `Acknowledge (${more} more)` : "Acknowledge");
+  write(button, more > 0 ? `Acknowledge (${more}\u00a0more)` : "Acknowledge");
   button.onclick = () => send({ acknowledge: alarm });
   const other = child(line, "passing", "div", "notice");
   other.hidden = !passing;

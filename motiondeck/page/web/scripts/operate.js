@@ -210,7 +210,7 @@ motiondeck.operate ??= (() => {
     const { left, top, width, height } = view.querySelector(".robot").getBoundingClientRect();
     for (const [name, value] of Object.entries({ left, top, width, height })) root.style.setProperty(`--robot-${name}`, `${value}px`);
     const link = document.querySelector("#part-events") && !document.querySelector('div[style*="pointer-events: none"] #state-line');
-    view.dataset.link = link ? "" : "lost";
+    view.dataset.link = link || view.querySelector(".stop").disabled ? "" : "lost"; // after the end none is missed
   }, 100);
   return true;
 })();
