@@ -10,9 +10,9 @@ from motiondeck_base.words import near_names
 
 _MADE_BY = {
     "robot": "Make one from an MJCF or URDF: motiondeck robot calibrate MODEL --out FILE.toml",
-    "rig": "How to make one: docs/first-rig.md",
+    "rig": "How to make one: the page 'Your first rig'",
     "library": "Learn one from recordings: motiondeck learn RECORDING... --out FILE.safetensors",
-    "stage": "What it holds: docs/stage.md",
+    "stage": "What it holds: the page 'On a stage'",
 }
 
 

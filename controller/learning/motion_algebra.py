@@ -109,7 +109,7 @@ def mixed_conceptor(network: AnyNetwork, expression: str) -> MixedConceptor:
     if not (motions := network.mixable):
         raise MotiondeckError(
             "the motions of this library share no readout, by which others could be computed from them. "
-            'Train them with type = "shared-conceptor" and readout = "shared" (docs/networks.md).'
+            'Train them with type = "shared-conceptor" and readout = "shared" (the page "The networks").'
         )
     tokens = re.findall(r"[()&|~]|[^\s()&|~]+", expression)
     used = {name: part for name, part in motions.items() if name in tokens}

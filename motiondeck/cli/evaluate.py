@@ -39,7 +39,7 @@ def evaluate(
     motions, joined in four ways. For comparison a clip player is measured too.
 
     A recipe is trained with consecutive seeds; a library is measured as it is. The criterion is that of the
-    self-test (docs/evaluation.md).
+    self-test (the page "Measuring networks"). `motiondeck examples DIR` copies recipes.
 
     [bold]Example[/]
 
@@ -87,7 +87,7 @@ def accuracy(evaluation: Evaluation, seeds: range) -> Table:
 
     with progress("training and testing", len(seeds)) as tick:
         errors, verdicts = evaluation.training_errors(seeds, tick)
-    notes = ["NRMSE as Jaeger's nrmse.m computes it, not eq. 3.3 as printed (docs/evaluation.md)"]
+    notes = ["NRMSE as Jaeger's nrmse.m computes it, not eq. 3.3 as printed"]
     table = training_table(f"{evaluation.name}: training", errors, verdicts, notes)
     player, judge, clips = evaluation.clips, evaluation.syllabus.judge, []
     clips.append(("clip player", sum(1e-3 * player[name].nbytes for name in player.motions), self_test(player, judge)))

@@ -89,6 +89,7 @@ def learn(options: LearnOptions, reading: Reading, as_json: JsonOption = False) 
 
     A recipe (.toml) is learned as it says. Its library is written if every motion passes: each runs free for three
     times its length, and is compared with all that was trained (the self-test) and with its recording as it was read.
+    `motiondeck examples DIR` copies configs/ and walk.bvh.
 
     [bold]Examples[/]
 

@@ -49,8 +49,7 @@ def preflight(
     """
     from controller.library.motion_library import load_library
     from controller.wire.messages.arguments import TEMPO
-    from motiondeck.cli.common.library_report import print_errors
-    from motiondeck.cli.common.verdict_report import print_verdict, print_verdicts
+    from motiondeck.cli.common.verdict_report import print_answers, print_causes, print_verdict
     from motiondeck.run.verdicts import Judged
     from motiondeck_base.errors import MotiondeckError
     from motiondeck_base.jobs import Jobs
@@ -70,10 +69,9 @@ def preflight(
     if not motions_only:
         from motiondeck.run.sampled_motions import switches_by_way_of
 
-        show = None if as_json else (lambda verdict: None if verdict.ok else print_verdict(verdict))
         direct, ways = judged.switches(names, where), switches_by_way_of(played)
         count = len(names) * (len(names) - 1) - len(ways)
-        switches = collected(direct, "switches", count, show)
+        switches = collected(direct, "switches", count)
         switches += _by_their_parts({v.name: v for v in (*motions, *switches)}, ways, tempo)
     ok = all(verdict.ok for verdict in (*motions, *switches))
     errors = {name: msgspec.to_builtins(motion.against_recording) for name, motion in learned.items()}
@@ -92,11 +90,12 @@ def preflight(
         print(json.dumps(report, allow_nan=False))
     else:
         held = "free" + ", balancing" * balance + ", walking" * walk if root == "free" else root
-        print_verdicts(motions, f"{played.info.name} on {judged.robot.stem} ({held}), at tempo {tempo:g}")
+        print_answers(motions, f"{played.info.name} on {judged.robot.stem} ({held}), at tempo {tempo:g}")
         if switches:
             print(f"switches: {summed(switches)}; those by way of other motions are judged by their parts")
-        print("What was measured: --json. What it means: docs/physics.md. Slower: `tempo TEMPO` at the prompt.")
-        print_errors(played.info.motions)
+            wrong = (one for one in switches if not one.ok and not one.way)
+            print_causes((one.name, (one.obstacles or one.troubles)[0]) for one in wrong)
+        print('All that was measured: --json. What it means: the page "Physics". Slower: `tempo TEMPO` at the prompt.')
     if not ok:
         raise typer.Exit(1)
 

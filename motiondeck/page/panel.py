@@ -167,10 +167,6 @@ class Panel:
         unlock.on_click(lambda _: self.send(say.Unlock()))
         return tap
 
-    @property
-    def _stopped(self) -> bool:
-        return self._state.mode == "emergency stop"
-
     def show(self, now: DeckSnapshot) -> None:
         """Brings buttons, slider and figures up to date."""
         self._state = now
@@ -183,8 +179,8 @@ class Panel:
         self._pause.label = "Resume" if now.paused else "Pause"
         self._pause.icon = viser.Icon.PLAYER_PLAY if now.paused else viser.Icon.PLAYER_PAUSE
         self._step.disabled = not (now.paused and now.mode == "playing")
-        self._estop.label = "Reset" if self._stopped else "Emergency stop"
-        self._estop.color = CURRENT if self._stopped else STOPS
+        stopped = now.mode == "emergency stop"
+        self._estop.label, self._estop.color = ("Reset", CURRENT) if stopped else ("Emergency stop", STOPS)
         for control, command in self._controls:
             control.disabled = now.mode not in command.modes
         if abs(tempo - self._tempo.value) > 0.024 and time.monotonic() - self._moved > HAND_ON:
@@ -208,7 +204,7 @@ class Panel:
         self._notices.add("Refused", reason)
 
     def _stop_or_ask(self, event: viser.GuiEvent) -> None:
-        if not self._stopped:
+        if self._state.mode != "emergency stop":
             self.send(say.EmergencyStop())
             return
         text = "Check that all people are clear. Nothing moves yet; Resume, Home or a motion then starts slowly."

@@ -99,7 +99,7 @@ def open_outputs(opening: ExitStack, specs: Sequence[str], joints: Sequence[str]
     for spec in specs:
         name, _, argument = spec.partition(":")
         if not found:
-            raise UnknownNameError(f"output '{name}': no installed package provides outputs; see docs/api.md")
+            raise UnknownNameError(f"output '{name}': no installed package provides outputs; see the page 'Python API'")
         UnknownNameError.check("output", name, found)
         try:
             plugin = found[name].load()(joints=tuple(joints), rate=rate, argument=argument)

@@ -40,7 +40,7 @@ All commands; [ ] may be left out:
 
 {_table(_COMMAND_ROWS)}
 
-docs/deck.md has more about each."""
+The page "The deck" has more about each."""
 
 
 def help_on(words: Sequence[str]) -> str:

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 app = typer.Typer(help="Show, convert, draw and view recordings and joint motions.", no_args_is_help=True)
 
-FileArgument = Annotated[Path, Argument(metavar="FILE", help="A recording of any format in docs/clips.md.")]
+FileArgument = Annotated[Path, Argument(metavar="FILE", help='A recording (formats: the page "Recordings").')]
 
 
 @app.command("show")
@@ -140,8 +140,8 @@ def complete(
     """Complete a body from some points, or a rig from some joints.
 
     The rest follows by ridge regression from 0.8 s around each moment, learned from whole recordings of such motions.
-    Points have the names of docs/stage.md (root, head, lhan, rhan, lank ...), among them a left and a right one; gaps
-    are bridged. Of a whole recording, --from names those to use. Joints that are given stay as they are.
+    Points have the names of the page "On a stage" (root, head, lhan, rhan, lank ...), among them a left and a right
+    one; gaps are bridged. Of a whole recording, --from names those to use. Joints that are given stay as they are.
 
     Example:  motiondeck clip complete trackers.csv body.bvh --like walks/ --height 1.78
     """

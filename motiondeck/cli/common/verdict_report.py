@@ -1,13 +1,12 @@
-"""Verdicts as text: a line for each as it is made, then a table, what fails at every tempo, and what helps."""
+"""Verdicts as text: a line for each, how many play, what fails at every tempo, and what helps."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from motiondeck.cli.common.tables import show_table
 from motiondeck_base.progress import collected
-from sim.robots.verdict import QUESTIONS, REMEDIES, RobotVerdict, summed
+from sim.robots.verdict import QUESTIONS, REMEDIES, Finding, RobotVerdict, summed
 
-_COLOURS = {"plays": "green", "does not fit": "red", "yes": "green", "not judged": "dim"}
+MOST_CAUSES, MOST_NAMES = 8, 3  # that are printed of what is wrong
 
 
 def verdicts_on(robot: str | None, library: Path, names: Sequence[str]) -> list[RobotVerdict]:
@@ -25,11 +24,23 @@ def print_verdict(verdict: RobotVerdict) -> None:
 
 
 def print_verdicts(verdicts: Sequence[RobotVerdict], title: str) -> None:
-    """Prints the table of motions, failures at every tempo with their remedies, and what is not judged."""
-    rows = [(one.name, _coloured(one.answer), *(_coloured(one.answer_to(q)) for q in QUESTIONS)) for one in verdicts]
-    headings = ("", "verdict", *QUESTIONS)
-    show_table(headings, rows, title=f"{title}: {summed(verdicts)}", left=headings)
-    _print_obstacles(verdicts)
+    """Prints a line for each verdict, then `print_answers`."""
+    for verdict in verdicts:
+        print_verdict(verdict)
+    print_answers(verdicts, title)
+
+
+def print_answers(verdicts: Sequence[RobotVerdict], title: str) -> None:
+    """Prints how many play and have a yes to each question, failures with their remedies, and what is not judged."""
+    answers = [(question, [one.answer_to(question) for one in verdicts]) for question in QUESTIONS]
+    yes = [f"{question} {given.count('yes')}" for question, given in answers if {*given} != {"not judged"}]
+    print(f"{title}: {summed(verdicts)} ({', '.join(yes)})")
+    blocked = [(verdict.name, finding) for verdict in verdicts for finding in verdict.obstacles]
+    if blocked:
+        print("no tempo mends:")
+        print_causes(blocked)
+    for check in dict.fromkeys(finding.check for _, finding in blocked):
+        print(f"{check}: {REMEDIES[check]}.")
     found = {finding.check: finding for finding in verdicts[0].findings} if verdicts else {}
     if "joints of unknown torque" in found:
         print(
@@ -40,24 +51,18 @@ def print_verdicts(verdicts: Sequence[RobotVerdict], title: str) -> None:
         print("Heat is not judged: the robot file has no table [servo].")
 
 
-def _coloured(words: str) -> str:
-    from rich.markup import escape
-
-    colour = _COLOURS.get(words, "yellow" if words.startswith("at tempo") else "red")
-    return f"[{colour}]{escape(words)}[/]"
-
-
-def _print_obstacles(verdicts: Sequence[RobotVerdict]) -> None:
-    blocked = [(verdict.name, finding) for verdict in verdicts for finding in verdict.obstacles]
-    if not blocked:
-        return
-    rows = [
-        (name, one.check, one.where, one.figure, "-" if one.limit is None else f"{one.limit:g} {one.unit}", one.cause)
-        for name, one in blocked
-    ]
-    headings = ("", "check", "where", "measured", "limit", "why")
-    if not any(finding.cause for _, finding in blocked):
-        headings, rows = headings[:-1], [row[:-1] for row in rows]
-    show_table(headings, rows, title="failures at every tempo", left={"check", "where", "why"})
-    for check in dict.fromkeys(finding.check for _, finding in blocked):
-        print(f"{check}: {REMEDIES[check]}.")
+def print_causes(found: Iterable[tuple[str, Finding]]) -> None:
+    """Prints findings by check and part of the robot, the commonest first, each with the names of the worst."""
+    groups = dict[tuple[str, str], list[tuple[str, Finding]]]()
+    for name, one in found:
+        groups.setdefault((one.check, one.where), []).append((name, one))
+    ordered = sorted(groups.values(), key=len, reverse=True)
+    for group in ordered[:MOST_CAUSES]:
+        (_, worst), *_ = group = sorted(group, key=lambda pair: -pair[1].value)
+        limit = f" (limit {worst.limit:g} {worst.unit})" if worst.limit is not None else ""
+        names = ", ".join(name for name, _ in group[:MOST_NAMES])
+        more = f" and {len(group) - MOST_NAMES} more" if len(group) > MOST_NAMES else ""
+        print(f"  {worst.words}{limit}: {names}{more}{worst.cause and f'; {worst.cause}'}")
+    if len(ordered) > MOST_CAUSES:
+        rest = ordered[MOST_CAUSES:]
+        print(f"  and {len(rest)} more causes, in {sum(map(len, rest))}")

@@ -31,7 +31,7 @@ def doctor(
     It reports servos that are missing or of another model, registers that differ from what the rig needs, heat and
     voltage, and the rate that the wire allows. Before --fix changes a servo, its settings are saved in a new file.
 
-    Example:  motiondeck rig doctor configs/rigs/servo20.toml --port /dev/ttyUSB0
+    Example:  motiondeck rig doctor servo20 --port /dev/ttyUSB0
     """
     from hardware.bus.servo_bus import Bus
     from hardware.tools.backup import ServoBackup, save_backups

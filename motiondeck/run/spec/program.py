@@ -86,7 +86,7 @@ def parse_script(text: str, motions: Sequence[str]) -> tuple[str, list[Timed], f
         if words and words[0] not in motions and (words[0] in BY_WORD or Path(words[0]).suffix):
             raise MotiondeckError(
                 f"script, part {place}: '{words[0]}' is no motion. Commands go into a timeline file, whose name ends "
-                "in .toml (docs/deck.md, Timeline files)"
+                "in .toml (the page 'The deck', Timeline files)"
             )
         if not 1 <= len(words) <= 2:
             raise MotiondeckError(f"script, part {place}: '{' '.join(words)}' is not MOTION SECONDS, as in 'walk 4'")

@@ -56,12 +56,28 @@ def test_the_table_names_what_is_wrong_and_the_tempo_that_passes(library):
     assert run.exit_code == 1
     assert "off balance" in run.stdout
     line = next(line for line in run.stdout.splitlines() if line.startswith("march: "))
-    assert "self-collision: " in line  # what no tempo mends; the table has the rest
-    assert "falls: " in run.stdout
+    assert "self-collision: " in line  # what no tempo mends
+    assert re.search(r"\(carried \d, .*on its feet 0\)", run.stdout)
     assert "self-collision: `play --check-collisions` keeps" in run.stdout
     assert re.search(r"Torque is not judged for (\d+) of \1 joints: the robot's files give no limit", run.stdout)
-    assert "left wrist, 0.50 s" in run.stdout
-    assert "on its feet" in run.stdout
+
+
+def test_what_is_alike_is_one_line_with_the_worst_first_and_the_rest_is_counted(capsys):
+    from motiondeck.cli.common.verdict_report import MOST_CAUSES, print_answers, print_causes
+    from sim.robots.verdict import Finding, RobotVerdict
+
+    def bent(depth, where):
+        return Finding("self-collision", depth, 3.0, "mm", where, ok=False)
+
+    alike = [(f"motion{depth}", bent(depth, "l_foot and r_foot")) for depth in (4, 9, 7, 5, 8)]
+    print_causes([*alike, *((f"other{place}", bent(4.0, f"limb{place}")) for place in range(10))])
+    first, *others, last = capsys.readouterr().out.splitlines()
+    assert first == "  self-collision: l_foot and r_foot, 9 mm (limit 3 mm): motion9, motion8, motion7 and 2 more"
+    assert len(others) == MOST_CAUSES - 1
+    assert last == "  and 3 more causes, in 3"
+    print_answers([RobotVerdict(name, (one,), None, obstacles=(one,)) for name, one in alike], "lib on bot")
+    title, heading, line, *_ = capsys.readouterr().out.splitlines()
+    assert (title, heading, line) == ("lib on bot: 5 do not fit (carried 0)", "no tempo mends:", first)
 
 
 def test_what_no_tempo_mends_is_said_with_joint_number_cause_and_remedy(capsys):
