@@ -60,6 +60,14 @@ def test_of_many_pictures_the_same_ones_are_drawn_each_time():
     assert {*np.round(some, 2)} & {*np.round(at, 2)}
 
 
+WRITTEN = """() => {
+  const { prototype } = CanvasRenderingContext2D;
+  const { fillText } = prototype;
+  window.written = new Set();
+  prototype.fillText = function (words, ...at) { written.add(words); fillText.call(this, words, ...at); };
+}"""  # the words that are drawn from now on
+
+
 @pytest.mark.thorough
 def test_the_table_of_a_plot_is_what_the_loop_wrote_and_no_other_browser_gets_it(tmp_path, browser):
     deck, port = FakeDeck(tmp_path), free_port()
@@ -101,6 +109,18 @@ def test_the_table_of_a_plot_is_what_the_loop_wrote_and_no_other_browser_gets_it
         with Image.open(picture.value.path()) as drawn:
             assert len(np.unique(np.asarray(drawn.convert("L")))) > 20
         expect(other.locator("[data-state-of=plot-curves]")).to_have_count(0)
+
+        # The picture names each of several joints.
+        page.evaluate(WRITTEN)
+        more = ("lkne.y", "rank.y")
+        for name in more:
+            curves.select_option(f"angle/{name}")
+        page.wait_for_function(
+            "names => names.every((name) => [...written].some((words) => words.startsWith(name)))",
+            arg=["rkne.y", *more],
+        )
+        for name in more:
+            page.get_by_role("button", name=f"remove angle/{name}").click()
 
         # A hand in the strip leads the plot of this browser to that moment; a tab that is not in sight gets no more.
         bar = page.locator(".timeline-strip .bar").bounding_box()

@@ -206,8 +206,10 @@ window.motiondeck.plots ??= (() => {
       let left = AXIS;
       pen.fillStyle = quiet;
       if (unit) pen.fillText(unit, 4, top - 6);
-      for (const { label, hue, dashed } of lines) {
-        const words = label.replaceAll("_", " ") + (dashed ? " (dashed)" : "");
+      // Measured and goal of a joint are one name, so that there is room for those of several.
+      const names = new Map(lines.map(({ label, hue }) => [label.replace(/ (measured|goal)$/, "").replaceAll("_", " "), hue]));
+      if (lines.some(({ dashed }) => dashed)) names.set("dashed: goal", quiet);
+      for (const [words, hue] of names) {
         if (left + pen.measureText(words).width + 16 > width) break; // the buttons above name them all
         pen.fillStyle = hue;
         pen.fillRect(left, top - 11, 8, 3);
