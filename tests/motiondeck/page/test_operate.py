@@ -198,6 +198,23 @@ def test_a_locked_browser_takes_no_hand_but_on_the_stop_and_no_other_browser_is_
                 tab.close()
 
 
+@pytest.mark.thorough
+def test_keys_alone_open_a_folder_of_inspect_and_show_where_they_are(browser):
+    window = {"width": 1280, "height": 800}
+    with shown_panel() as (page, _, heard), closing(browser.new_page(viewport=window)) as tab:
+        tab.goto(f"{page.address}/?view=inspect")
+        folder, inside = tab.get_by_role("button", name="view", exact=True), tab.get_by_text("front", exact=True)
+        folder.wait_for()
+        expect(inside).to_be_hidden()
+        for place in (folder, tab.get_by_role("slider", name="tempo", exact=True)):
+            tab.keyboard.press("Tab")  # what has the focus by keys shows it
+            place.focus()
+            expect(place).to_have_css("outline-style", "solid")
+        folder.press("Space")
+        expect(inside).to_be_visible()
+        assert heard == []
+
+
 @pytest.mark.parametrize(
     ("width", "view", "whole"), [(1280, "inspect", True), (390, "operate", True), (390, "inspect", False)]
 )

@@ -70,8 +70,21 @@ motiondeck.browser ??= (() => {
     icons.forEach((icon, place) => icon.setAttribute("aria-label", ["Commands", "Settings of the view"][place] ?? "more"));
   }
 
+  // viser's folders open by a click alone: here by Tab and Enter or Space, too.
+  function reach() {
+    for (const head of document.querySelectorAll('#root .mantine-Paper-root > .mantine-Paper-root[style*="cursor: pointer"]:not([tabindex])')) {
+      Object.assign(head, { tabIndex: 0, role: "button" });
+      head.addEventListener("keydown", (event) => {
+        if (event.target !== head || !["Enter", " "].includes(event.key)) return;
+        event.preventDefault();
+        event.stopPropagation(); // Space pauses elsewhere
+        head.click();
+      });
+    }
+  }
+
   setInterval(update, 100);
-  setInterval(name, 500);
+  setInterval(() => (name(), reach()), 500);
   return { update, choose, switches };
 })();
 
