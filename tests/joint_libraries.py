@@ -1,7 +1,10 @@
 """Libraries of joint motions made up for tests: smooth loops and one-shots of a few joints."""
 
 import numpy as np
+from msgspec.structs import replace
 
+from controller.learning.trainers.centralized import TRAINER, CentralizedRecipe
+from controller.learning.training_set import TrainingSet
 from controller.library.motion_library import VERSION, BakedFrom, LibraryInfo, MotionInfo, MotionLibrary
 from controller.motion.encodings.joint_angles import JointAngles, JointBody
 from controller.networks.clip.network import ClipPlayer
@@ -42,3 +45,12 @@ def joint_library(joints=4, seed=0, loops=3, shots=2, network=ClipPlayer):
         skeleton=encoding.skeleton_info(), recipe={}, licence="", acknowledgement="", baked=baked,
     )  # fmt: skip
     return MotionLibrary(info, network(frames, kinds), encoding)
+
+
+def centralized_library(joints):
+    """The same of two loops and a one-shot, learned by a centralized network."""
+    made = joint_library(joints, loops=2, shots=1)
+    frames = {name: made.network.anchors(name) for name in made.network.motions}
+    lessons = TrainingSet(made.encoding, RATE, frames, {name: "loop" in name for name in frames}).lessons()
+    network = TRAINER.train(CentralizedRecipe(iterations=5), lessons, 0)
+    return MotionLibrary(replace(made.info, network="centralized"), network, made.encoding)

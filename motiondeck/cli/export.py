@@ -52,8 +52,6 @@ def export(
     if target == "web" and fixed:
         raise MotiondeckError("--fixed is for microcontrollers; a browser has floating point")
     names = [name.strip() for name in motions.split(",") if name.strip()]
-    if networks and target == "web":
-        raise MotiondeckError("a page holds motions as keys, which browsers have room for: leave --networks out")
     figure = open_figure(library, robot, rig, names, out if target == "web" else None, networks=networks, fixed=fixed)
     cost = cost_on(figure, board) if target != "web" else {}
     if target == "arduino" and rig is not None:

@@ -152,6 +152,19 @@ static md_real sine(md_real x) {
   md_real s = x * x;
   return x * (1.0f - s * (1.0f / 6.0f - s * (1.0f / 120.0f - s * (1.0f / 5040.0f - s * (1.0f / 362880.0f)))));
 }
+/* The centers at a frame, (cos, sin) each, and the exponent of a satellite's response there, by its linear form. */
+static void turn_centers(const md_real *turns, int states, md_real frame, md_real *state) {
+  for (int k = 0; k < states; k += 2) {
+    md_real turn = frame * turns[k] + turns[k + 1], x = 1.57079633f * (turn - rintf(turn));
+    md_real c = 1.0f - versine(x), s = sine(x), c2 = c * c - s * s, s2 = 2.0f * c * s;
+    state[k] = c2 * c2 - s2 * s2, state[k + 1] = 2.0f * c2 * s2;
+  }
+}
+static md_real exponent_at(const md_real *form, const md_real *state, int states) {
+  md_real exponent = form[states];
+  for (int k = 0; k < states; k += 2) exponent += form[k] * state[k] + form[k + 1] * state[k + 1];
+  return exponent;
+}
 /* Angles of a frame, rad, of a network: centers turn, satellites respond to where they are (centralized.py). Its words: the
    centers, the satellites; of each center its turns in a frame and at the first; of each joint the rest and the unit of its
    weights; of each satellite the linear form of its exponent; then of each the weights of all joints, 16 bits each. */
@@ -165,15 +178,10 @@ static void evaluate(const md_player *p, const md_motion *m, int frame, md_real 
   int32_t response[4]; /* of satellites that count, in 2^-20 */
   const int16_t *row[4];
   int64_t sum[MD_MOST_JOINTS];
-  for (int k = 0; k < states; k += 2) {
-    md_real turn = (md_real)frame * turns[k] + turns[k + 1], x = 1.57079633f * (turn - rintf(turn));
-    md_real c = 1.0f - versine(x), s = sine(x), c2 = c * c - s * s, s2 = 2.0f * c * s;
-    state[k] = c2 * c2 - s2 * s2, state[k + 1] = 2.0f * c2 * s2;
-  }
+  turn_centers(turns, states, (md_real)frame, state);
   memset(sum, 0, sizeof sum);
   for (int count = 0; satellites--; weights += width) {
-    md_real exponent = form[states];
-    for (int k = 0; k < states; k += 2) exponent += form[k] * state[k] + form[k + 1] * state[k + 1];
+    md_real exponent = exponent_at(form, state, states);
     form += states + 1;
     if (exponent >= LEAST_RESPONSE) response[count] = (int32_t)(1048576.0f * exponential(exponent)), row[count++] = weights;
     if (count < 4 && (satellites || !count)) continue;

@@ -32,7 +32,7 @@ def open_figure(
 ) -> Figure:
     """The figure of motions of a library for a robot or a rig; its page is written into a folder, if one is given.
 
-    `networks` and `fixed` are as of `figure_of`, and for no page. MotiondeckError names the library and what is wrong.
+    `networks`, and `fixed` for no page, are as of `figure_of`. MotiondeckError names the library and what is wrong.
     """
     if (robot is None) is (rig is None):
         raise MotiondeckError("name the robot with --robot, or the rig with --rig, whose joints play the motions")
@@ -48,7 +48,7 @@ def open_figure(
         else:
             played, rate = robot_of(place, loaded.skeleton), load_rig(place).rate_hz
         if page is not None:
-            return write_page(page, loaded, played, rate, motions, **also)
+            return write_page(page, loaded, played, rate, motions, networks=networks, **also)
         given = loaded, played.joints, played.limits, played.rest, rate, motions
         return figure_of(*given, networks=networks, fixed=fixed)
     except MotiondeckError as error:

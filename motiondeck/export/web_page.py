@@ -34,7 +34,14 @@ SHAPES = ("qpos0", "geom_bodyid", "geom_pos", "geom_quat", "site_bodyid", "site_
 
 
 def write_page(
-    folder: Path, library: MotionLibrary, robot: Robot, rate: float, motions: Sequence[str] = (), **also: Any
+    folder: Path,
+    library: MotionLibrary,
+    robot: Robot,
+    rate: float,
+    motions: Sequence[str] = (),
+    *,
+    networks: bool = False,
+    **also: Any,
 ) -> Figure:
     """Writes the page of some motions of a library, or all, on a robot, at ticks of a rate in Hz; as of `figure_of`.
 
@@ -45,7 +52,7 @@ def write_page(
     if isinstance(library.skeleton, RobotBody) and robot.footing is not None:  # its root is played as more joints
         joints, rest = (*joints, *ROOT), np.append(rest, np.zeros(len(ROOT)))
         limits = JointLimits(*map(np.append, astuple(limits), astuple(FREE)))
-    figure = figure_of(library, joints, limits, rest, rate, motions)
+    figure = figure_of(library, joints, limits, rest, rate, motions, networks=networks)
     info = library.info
     texts = {"title": f"{info.name} on {robot.name}", "about": f"{info.acknowledgement} {info.licence}".strip()}
     content = {**texts, "words": _packed(figure.words), "drawing": drawn_figure(robot.drawn, robot.layout), **also}

@@ -195,12 +195,17 @@
     const parts = shares.map(([motion, share]) => `${motions[motion]} ${percent(share)}`);
     write(inside[1], ["fade " + percent(player.fade), ...parts].join(", "));
     write(inside[2], `limits hold back ${(1000 * player.held).toFixed(0)} mrad`);
+    if (network.hidden) return;
+    const responses = player.responses(playing, player.phase);
+    write(network.children[0], responses.length ? `${responses.length} satellites of ${motions[playing]}` : `${motions[playing]} is held as keys`);
+    motiondeck.bars(network.children[1], responses);
   };
   const inside = get("inside").querySelectorAll("span");
+  const network = get("network");
+  network.hidden = motions.every((_, number) => !player.responses(number, 0).length);
 
   let last = null;
   let [entered, faded, since] = [-1, 0, 0];
-  let slow = 0.01; // s from picture to picture, smoothed
   const frame = (now) => {
     const passed = last === null ? 0 : (now - last) / 1000;
     last = now;
@@ -221,15 +226,13 @@
     faded = course.fade;
     place("entry", entered);
     since += passed;
-    if (page.frames % 6 === 0) {
+    if (!page.frames || since > 0.09) {
       show();
       trace.draw(since, player.targets.subarray(0, player.robot.length), player.fade, [...course.beside, ...player.layers].map(([, part]) => part), player.held);
       since = 0;
     }
     page.frames += 1;
-    // A computer that cannot keep up with its screen draws fewer pixels.
-    slow = 0.9 * slow + 0.1 * Math.min(passed, 0.2);
-    if (slow > 0.021 && scene.share > 0.5) [scene.share, slow] = [Math.max(0.5, scene.share * Math.sqrt(0.015 / slow)), 0.01];
+    scene.pixels.shown(passed);
     requestAnimationFrame(frame);
   };
   requestAnimationFrame(frame);

@@ -103,6 +103,10 @@ motiondeck.Player = class {
     const near = turn.reduce((sum, part, k) => sum + part * facing[k], 0) < 0 ? turn.map((part) => -part) : turn;
     return [between(targets, this.targets), [between(place, there), unit(between(near, facing))]];
   }
+  // What each satellite of a motion's network responds at a phase, from 0 to 1; none of a motion that is held as keys.
+  responses(motion, phase) {
+    return Array.from({ length: this.#ask("satellites", motion) }, (_, k) => this.#ask("response", motion, phase, k));
+  }
   // The motions that play: their numbers, weights, and phases.
   get blended() {
     const every = this.motions.map((_, motion) => [motion, this.#ask("weight", motion)]);

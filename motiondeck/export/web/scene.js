@@ -90,78 +90,142 @@ const KEYS = {
   ...{ "+": [0, 0, NEARER], "-": [0, 0, 1 / NEARER] },
 };
 const FAR = 9; // heights of the figure: there the floor has faded into the sky
+const [RINGS, SECTORS] = [12, 36]; // of the floor, about the eye
+const [PICTURE, SLOW] = [1 / 60, 1 / 56]; // s
+const [PATIENCE, LONGEST] = [4, 120]; // s until more pixels are tried
+const STEPS = 4; // from all pixels to half of them in each direction
 const WORDS = 20; // of a solid: its matrix and colour
-const SHADE = `#version 300 es
+// GLSL. Software computes both sides of a branch, so floor, shadows and solids have programs of their own, and what changes
+// little from pixel to pixel is computed at corners.
+const UNIFORMS = ["view", "eye", "sun", "far", "tones", "blur", "cell", "centre"];
+const HEAD = `#version 300 es
   precision highp float;
-  uniform mat4 view; uniform vec3 sun; uniform float flat_; uniform highp sampler2D solids;
-  in vec3 place; in vec3 normal; in float solid; out vec3 side; out vec3 spot; flat out vec4 tint;
+  uniform mat4 view; uniform vec3 eye; uniform vec3 sun; uniform float far; uniform vec3 tones[3];
+  float fade(vec2 spot) { return 1.0 - smoothstep(0.3, 1.0, length(spot - eye.xy) / far); }`;
+const SOLID = `uniform highp sampler2D solids; in vec3 place; in vec3 normal; in float solid;
   vec4 word(int number) { return texelFetch(solids, ivec2(number, int(solid)), 0); }
-  void main() {
-    mat4 model = mat4(word(0), word(1), word(2), word(3));
-    vec4 p = model * vec4(place, 1.0);
-    side = normal;
-    if (flat_ > 0.0) p.xyz -= sun * (max(p.z, 0.0) - flat_) / sun.z;
-    else side = mat3(model) * (normal / vec3(dot(model[0], model[0]), dot(model[1], model[1]), dot(model[2], model[2])));
-    spot = p.xyz;
-    tint = word(4);
-    gl_Position = view * p;
-  }`;
-const PAINT = `#version 300 es
-  precision highp float;
-  uniform vec3 sun; uniform vec3 eye; uniform float flat_; uniform float far; uniform float cell; uniform vec3 tiles[3];
-  uniform vec2 centre; in vec3 side; in vec3 spot; flat in vec4 tint; out vec4 shown;
-  void main() {
-    if (cell == 0.0 && flat_ == 0.0) {
+  mat4 model() { return mat4(word(0), word(1), word(2), word(3)); }`;
+const PROGRAMS = {
+  floor: [
+    `uniform vec4 blur; uniform float cell; uniform vec2 centre;
+    in vec3 place; out vec2 tile; out vec2 sharp; out vec2 seen;
+    void main() {
+      vec2 spot = eye.xy + far * place.xy;
+      gl_Position = view * vec4(spot, 0.0, 1.0);
+      tile = 0.5 * (spot + centre) / cell - 0.25;
+      vec2 wide = gl_Position.w * (blur.xy + max(gl_Position.w, 0.0) * blur.zw) / cell; // a pixel there, in tiles
+      sharp = 2.0 / max(wide, 1e-6);
+      seen = fade(spot) * vec2(1.0, 1.0 - smoothstep(0.3, 1.0, max(wide.x, wide.y)));
+    }`,
+    `in vec2 tile; in vec2 sharp; in vec2 seen; out vec4 shown;
+    void main() {
+      vec2 side = clamp((abs(fract(tile) - 0.5) - 0.25) * sharp, -1.0, 1.0); // soft edges of squares
+      shown = vec4(tones[0] * seen.x + tones[1] * (side.x * side.y * seen.y), seen.x);
+    }`,
+  ],
+  shadows: [
+    `${SOLID} out float dark;
+    void main() {
+      vec4 p = model() * vec4(place, 1.0);
+      p.xyz -= sun * (max(p.z, 0.0) - 1e-4) / sun.z;
+      dark = 0.5 * fade(p.xy);
+      gl_Position = view * p;
+    }`,
+    `in float dark; out vec4 shown;
+    void main() { shown = vec4(tones[2], 1.0) * dark; }`,
+  ],
+  meshes: [
+    `${SOLID} out vec3 side; flat out vec4 tint;
+    void main() {
+      mat4 m = model();
+      side = mat3(m) * (normal / vec3(dot(m[0], m[0]), dot(m[1], m[1]), dot(m[2], m[2])));
+      tint = word(4);
+      gl_Position = view * (m * vec4(place, 1.0));
+    }`,
+    `in vec3 side; flat in vec4 tint; out vec4 shown;
+    void main() {
       vec3 n = normalize(side);
       float light = 0.62 + 0.16 * n.z + 0.42 * max(dot(n, sun), 0.0);
       shown = vec4(min(tint.rgb * light, 1.0), 1.0) * tint.a;
-      return;
-    }
-    float fade = 1.0 - smoothstep(0.3, 1.0, length(spot.xy - eye.xy) / far);
-    shown = vec4(tiles[2], 1.0) * 0.5 * fade;
-    if (cell > 0.0) {
-      vec2 at = (spot.xy + centre) / cell, wide = fwidth(at);
-      vec2 edge = (abs(fract(at * 0.5 - 0.25) - 0.5) - 0.25) / max(wide * 0.5, 1e-6); // soft edges of squares
-      vec2 s = clamp(edge, -1.0, 1.0);
-      float odd = mix(0.5 - 0.5 * s.x * s.y, 0.5, smoothstep(0.3, 1.0, max(wide.x, wide.y)));
-      shown = vec4(mix(tiles[0], tiles[1], odd), 1.0) * fade;
-    }
-  }`;
-// Two colours of tiles and that of shadows, by day and in the dark.
-const TILES = [[0.84, 0.86, 0.89, 0.745, 0.78, 0.823, 0.227, 0.259, 0.306], [0.2, 0.225, 0.26, 0.15, 0.17, 0.2, 0, 0, 0]];
+    }`,
+  ],
+};
+// The mean of two colours of tiles, what the first has more than it, and the colour of shadows; by day and in the dark.
+const TONES = [[[0.84, 0.86, 0.89], [0.745, 0.78, 0.823], [0.227, 0.259, 0.306]], [[0.2, 0.225, 0.26], [0.15, 0.17, 0.2], [0, 0, 0]]].map(
+  ([one, other, shadow]) => [...one.map((part, k) => (part + other[k]) / 2), ...one.map((part, k) => (part - other[k]) / 2), ...shadow],
+);
 
-// Without a graphics card each pixel costs time: then edges stay as they are.
+// Rings about a middle, wider farther out, to a distance of 1.
+function disc() {
+  const around = Array.from({ length: SECTORS }, (_, sector) => (2 * Math.PI * sector) / SECTORS);
+  const [vertices, faces] = [[0, 0, 0], []];
+  for (let ring = 0; ring < RINGS; ring++) {
+    const radius = ((1 + ring) / RINGS) ** 2;
+    around.forEach((turn, sector) => {
+      const [here, next] = [sector, (sector + 1) % SECTORS].map((place) => 1 + SECTORS * ring + place);
+      vertices.push(radius * Math.cos(turn), radius * Math.sin(turn), 0);
+      faces.push(...(ring ? [here - SECTORS, here, next, here - SECTORS, next, next - SECTORS] : [0, here, next]));
+    });
+  }
+  return { vertices, faces, solid: 0 };
+}
+
+// Without a graphics card each pixel costs time: then edges stay as they are, and `Pixels` may become fewer.
 function drawnBySoftware() {
   const gl = document.createElement("canvas").getContext("webgl2");
   const about = gl?.getExtension("WEBGL_debug_renderer_info");
   return !!about && /swiftshader|llvmpipe|software/i.test(gl.getParameter(about.UNMASKED_RENDERER_WEBGL));
 }
 
+// How many pixels are drawn: a step fewer while pictures come more slowly than a screen shows them, and a step more after
+// some seconds in which they did not. Where that was too much, the next try comes after twice as long.
+motiondeck.Pixels = class {
+  level = 0;
+  #last;
+  #between = PICTURE; // from picture to picture, s, smoothed
+  #calm = -1; // s since the last step; the first second is slow for other reasons
+  #patience = PATIENCE;
+  #tried = false; // whether the last step was one up
+
+  // With so many steps down; without any, all pixels are drawn always.
+  constructor(steps) {
+    this.#last = steps;
+  }
+
+  // Of all pixels in each direction.
+  get share() {
+    return 2 ** (-this.level / STEPS);
+  }
+
+  // Takes note of a picture that is shown so many seconds after the one before.
+  shown(passed) {
+    this.#calm += passed;
+    if (this.#calm < 0) return;
+    this.#between += 0.02 * (Math.min(passed, 2 * PICTURE) - this.#between);
+    if (this.#between > SLOW) {
+      if (this.#tried) this.#patience = Math.min(2 * this.#patience, LONGEST);
+      this.#step(1);
+    } else if (this.#calm > this.#patience) this.#step(-1);
+  }
+
+  #step(down) {
+    const before = this.level;
+    this.level = Math.min(Math.max(before + down, 0), this.#last);
+    [this.#tried, this.#between, this.#calm] = [this.level < before, PICTURE, 0];
+  }
+};
+
 // A picture of figures on a canvas; `draw` shows it. The first one's size is that of the scene, and its labels are seen.
 motiondeck.Scene = class {
   constructor(canvas, figures) {
     const [figure] = figures;
-    const gl = canvas.getContext("webgl2", { stencil: true, antialias: !drawnBySoftware() });
+    const bySoftware = drawnBySoftware();
+    const gl = canvas.getContext("webgl2", { stencil: true, antialias: !bySoftware });
     if (!gl) throw new Error("this browser has no WebGL 2");
-    Object.assign(this, { canvas, figure, gl, yaw: -0.54, pitch: 0.28, away: 2.35, share: 1, centre: [0, 0] });
-    const program = gl.createProgram();
-    for (const [kind, text] of [[gl.VERTEX_SHADER, SHADE], [gl.FRAGMENT_SHADER, PAINT]]) {
-      const shader = gl.createShader(kind);
-      gl.shaderSource(shader, text);
-      gl.compileShader(shader);
-      if (!gl.getShaderParameter(shader, gl.COMPILE_STATUS)) throw new Error(gl.getShaderInfoLog(shader));
-      gl.attachShader(program, shader);
-    }
-    ["place", "normal", "solid"].forEach((name, place) => gl.bindAttribLocation(program, place, name));
-    gl.linkProgram(program);
-    gl.useProgram(program);
-    this.at = {};
-    for (const name of ["view", "eye", "sun", "flat_", "far", "cell", "centre", "tiles"])
-      this.at[name] = gl.getUniformLocation(program, name);
+    Object.assign(this, { canvas, figure, gl, pixels: new motiondeck.Pixels(bySoftware ? STEPS : 0), yaw: -0.54, pitch: 0.28, away: 2.35, centre: [0, 0] });
+    this.programs = Object.fromEntries(Object.entries(PROGRAMS).map(([kind, texts]) => [kind, this.#program(texts)]));
     // All that is alike is drawn at once, as software takes as long to begin a mesh as to draw one: what is solid, then
     // what is seen through, of one figure after the other.
-    const wide = FAR * figure.height;
-    const corners = [-wide, -wide, 0, wide, -wide, 0, wide, wide, 0, -wide, wide, 0];
     this.solids = figures.flatMap(({ shapes, solids }, number) =>
       solids.map((solid) => ({ ...solid, figure: number, shape: shapes[solid.shape] })));
     this.solids.sort((one, other) => other.colour[3] - one.colour[3] || one.figure - other.figure);
@@ -170,7 +234,7 @@ motiondeck.Scene = class {
       const [vertices, faces] = shape[figure ? "shadow" : kind].map(motiondeck.bytes);
       return { vertices: new Float32Array(vertices), faces: new Uint16Array(faces), solid: number + 1, figure };
     });
-    this.floor = this.#upload([{ vertices: corners, faces: [0, 1, 2, 0, 2, 3], solid: 0 }]);
+    this.floor = this.#upload([disc()]);
     this.meshes = this.#upload(drawn("mesh"));
     this.shadows = this.#upload(drawn("shadow"));
     this.words = new Float32Array(WORDS * (1 + this.solids.length));
@@ -180,12 +244,13 @@ motiondeck.Scene = class {
     for (const filter of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) gl.texParameteri(gl.TEXTURE_2D, filter, gl.NEAREST);
     gl.texStorage2D(gl.TEXTURE_2D, 1, gl.RGBA32F, WORDS / 4, 1 + this.solids.length);
     const dark = window.matchMedia("(prefers-color-scheme: dark)");
-    (dark.onchange = () => gl.uniform3fv(this.at.tiles, TILES[+dark.matches]))();
+    (dark.onchange = () => this.#set("tones", "3fv", TONES[+dark.matches]))();
     gl.enable(gl.CULL_FACE);
     gl.enable(gl.BLEND);
     gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
-    gl.uniform3fv(this.at.sun, SUN);
-    gl.uniform1f(this.at.far, wide);
+    this.#set("sun", "3fv", SUN);
+    this.#set("far", "1f", FAR * figure.height);
+    this.#set("cell", "1f", figure.height < 1 ? 0.25 : 1);
     this.labels = figure.labels.map(({ text }) => {
       const label = document.createElement("span");
       label.textContent = text;
@@ -193,6 +258,31 @@ motiondeck.Scene = class {
       return label;
     });
     this.#listen();
+  }
+
+  // A program of the texts of two shaders.
+  #program(texts) {
+    const gl = this.gl;
+    const program = gl.createProgram();
+    texts.forEach((text, place) => {
+      const shader = gl.createShader([gl.VERTEX_SHADER, gl.FRAGMENT_SHADER][place]);
+      gl.shaderSource(shader, HEAD + text);
+      gl.compileShader(shader);
+      if (!gl.getShaderParameter(shader, gl.COMPILE_STATUS)) throw new Error(gl.getShaderInfoLog(shader));
+      gl.attachShader(program, shader);
+    });
+    ["place", "normal", "solid"].forEach((name, place) => gl.bindAttribLocation(program, place, name));
+    gl.linkProgram(program);
+    const places = Object.fromEntries(UNIFORMS.map((name) => [name, gl.getUniformLocation(program, name)]));
+    return { program, places };
+  }
+
+  // Sets a uniform in all programs, as gl.uniform... of a kind.
+  #set(name, kind, ...values) {
+    for (const { program, places } of Object.values(this.programs)) {
+      this.gl.useProgram(program);
+      this.gl[`uniform${kind}`](places[name], ...values);
+    }
   }
 
   // Meshes as one: vertices with the mean direction of the triangles that share them (what is sharp has its corners
@@ -226,7 +316,7 @@ motiondeck.Scene = class {
       gl.enableVertexAttribArray(index);
       gl.vertexAttribPointer(index, size, gl.FLOAT, false, 28, 12 * index);
     });
-    return { array, runs };
+    return { array, runs, corners: corners.length };
   }
 
   // One finger, button or arrow turns, two fingers, the wheel, + and - come nearer.
@@ -285,8 +375,10 @@ motiondeck.Scene = class {
       [...back, dot(back)].map((part) => -part),
     ];
     rows[2][3] += (2 * far * near) / (near - far);
-    this.gl.uniform3fv(this.at.eye, eye);
-    this.gl.uniformMatrix4fv(this.at.view, false, [0, 1, 2, 3].flatMap((column) => rows.map((row) => row[column])));
+    const pixel = 2 / (lens * height); // at a distance of 1
+    this.#set("eye", "3fv", eye);
+    this.#set("view", "Matrix4fv", false, [0, 1, 2, 3].flatMap((column) => rows.map((row) => row[column])));
+    this.#set("blur", "4fv", [sy, cy, cy / eye[2], sy / eye[2]].map((part) => pixel * Math.abs(part)));
     return rows;
   }
 
@@ -305,8 +397,8 @@ motiondeck.Scene = class {
   // Draws the bodies of each figure where `placed` has them, seen from the centre that the camera follows; one without
   // bodies is not drawn.
   draw(figures) {
-    const { gl, at, canvas, centre, words } = this;
-    const ratio = Math.min(window.devicePixelRatio, 2) * this.share;
+    const { gl, canvas, centre, words } = this;
+    const ratio = Math.min(window.devicePixelRatio, 2) * this.pixels.share;
     const size = [Math.round(canvas.clientWidth * ratio), Math.round(canvas.clientHeight * ratio)];
     if (!size[0] || !size[1]) return;
     if (canvas.width !== size[0] || canvas.height !== size[1]) [canvas.width, canvas.height] = size;
@@ -324,26 +416,25 @@ motiondeck.Scene = class {
       words[first + 15] = 1;
     });
     gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, WORDS / 4, words.length / WORDS, gl.RGBA, gl.FLOAT, words);
-    const put = ({ array, runs }) => {
+    this.#set("centre", "2fv", centre.map((part) => part % 8));
+    const put = (kind) => {
+      const { array, runs, corners } = this[kind];
+      gl.useProgram(this.programs[kind].program);
       gl.bindVertexArray(array);
-      for (const { figure, first, count } of runs)
-        if (figure === undefined || figures[figure]) gl.drawElements(gl.TRIANGLES, count, gl.UNSIGNED_INT, 4 * first);
+      const shown = runs.filter(({ figure }) => figure === undefined || figures[figure]);
+      const whole = shown.length === runs.length; // which is one mesh, then
+      for (const { first, count } of whole ? [{ first: 0, count: corners }] : shown)
+        gl.drawElements(gl.TRIANGLES, count, gl.UNSIGNED_INT, 4 * first);
     };
     gl.disable(gl.DEPTH_TEST);
-    gl.uniform1f(at.flat_, 0);
-    gl.uniform1f(at.cell, this.figure.height < 1 ? 0.25 : 1);
-    gl.uniform2fv(at.centre, centre.map((part) => part % 8));
-    put(this.floor);
-    gl.uniform1f(at.cell, 0);
+    put("floor");
     // The same solids, coarser and laid on the floor along the sun, are their shadow; the stencil keeps it from being drawn twice.
-    gl.uniform1f(at.flat_, 1e-4);
     gl.enable(gl.STENCIL_TEST);
     gl.stencilFunc(gl.EQUAL, 0, 255);
     gl.stencilOp(gl.KEEP, gl.KEEP, gl.INCR);
-    put(this.shadows);
+    put("shadows");
     gl.disable(gl.STENCIL_TEST);
     gl.enable(gl.DEPTH_TEST);
-    gl.uniform1f(at.flat_, 0);
-    put(this.meshes);
+    put("meshes");
   }
 };

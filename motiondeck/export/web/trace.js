@@ -1,3 +1,12 @@
+// Shares from 0 to 1 as bars side by side.
+const [BAR, HIGH] = [8, 32]; // pixels of a bar with the gap beside it, and of a share of 1
+motiondeck.bars = (canvas, shares) => {
+  const pen = canvas.getContext("2d", { willReadFrequently: true });
+  [canvas.width, canvas.height] = [BAR * shares.length, HIGH]; // which clears it
+  pen.fillStyle = getComputedStyle(canvas).color;
+  shares.forEach((share, place) => pen.fillRect(BAR * place, HIGH * (1 - share), BAR - 2, HIGH * share));
+};
+
 // What goes on in the player, over the last seconds: a line sweeps to the right and draws over what it drew before.
 const SWEEP = 10; // s from side to side
 const ROWS = [0.5, 0.25, 0.25]; // heights: of joints, of fade and layers, and of what limits hold back

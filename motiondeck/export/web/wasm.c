@@ -39,6 +39,20 @@ const float *md_moment(const md_player *p, int motion, float phase) {
   draw(p, m, (int)(phase * (float)m->steps), angles);
   return angles;
 }
+/* The satellites of a motion's network, none of keys, and what one responds at a phase, from 0 to 1. */
+int md_satellites(const md_player *p, int motion) {
+  const md_motion *m = motion_row(p->figure, motion);
+  return m->count ? 0 : (int)p->figure[m->keys + 1];
+}
+float md_response(const md_player *p, int motion, float phase, int satellite) {
+  const md_motion *m = motion_row(p->figure, motion);
+  int states = 2 * (int)p->figure[m->keys];
+  const float *turns = (const float *)(const void *)(p->figure + m->keys + 2);
+  float state[2 * MOST_CENTERS], exponent;
+  turn_centers(turns, states, phase * (float)m->steps, state);
+  exponent = exponent_at(turns + states + 2 * p->joints + satellite * (states + 1), state, states);
+  return exponent < LEAST_RESPONSE ? 0.0f : exponential(exponent);
+}
 float md_present_tempo(const md_player *p) { return p->tempo; }
 int md_queued(const md_player *p) { return p->queued; }
 int md_is_loop(const md_player *p, int motion) { return (int)motion_row(p->figure, motion)->loop; }

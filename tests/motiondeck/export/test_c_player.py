@@ -11,7 +11,6 @@ from tempfile import mkdtemp
 
 import numpy as np
 import pytest
-from msgspec.structs import replace as replace_fields
 from scipy.optimize import brentq
 
 from benchmarks.export import _c_player as c_player
@@ -30,12 +29,9 @@ from command_line import motiondeck
 from controller.deck.interfaces import JointLimits
 from controller.deck.motion_generator import MotionGenerator
 from controller.deck.tracks import playing_tracks
-from controller.learning.trainers.centralized import TRAINER, CentralizedRecipe
-from controller.learning.training_set import TrainingSet
-from controller.library.motion_library import MotionLibrary
 from controller.loop.safety.approach import Approach
 from controller.wire.messages import commands
-from joint_libraries import RATE, joint_library
+from joint_libraries import RATE, centralized_library, joint_library
 from motiondeck.export import figure as figure_module
 from motiondeck.export.c_folder import PLAYER, write_c
 from motiondeck.export.cost import cost_on
@@ -281,11 +277,7 @@ def test_the_folder_builds_without_a_warning_and_its_golden_trace_passes(tmp_pat
 
 @cache
 def centralized():
-    made = joint_library(JOINTS, loops=2, shots=1)
-    frames = {name: made.network.anchors(name) for name in made.network.motions}
-    lessons = TrainingSet(made.encoding, RATE, frames, {name: "loop" in name for name in frames}).lessons()
-    network = TRAINER.train(CentralizedRecipe(iterations=5), lessons, 0)
-    return MotionLibrary(replace_fields(made.info, network="centralized"), network, made.encoding)
+    return centralized_library(JOINTS)
 
 
 def held(networks):

@@ -19,10 +19,13 @@ from controller.deck.interfaces import JointLimits
 from controller.deck.motion_generator import MotionGenerator
 from controller.learning.trainers.clip import fitted_keys
 from controller.library.motion_library import MotionLibrary, load_library, save_library
+from controller.motion.encodings.joint_angles import JointAngles, JointBody
 from controller.motion.encodings.robot_joints import RobotJoints
+from controller.networks.centralized.centers import pairs_at
 from controller.networks.clip.network import ClipPlayer
 from controller.networks.keys import Keys
 from controller.wire.messages.commands import EmergencyStop, Jump, Pause, Queue, Reset, Resume, SetTempo, Switch
+from joint_libraries import centralized_library
 from motiondeck.export.golden import deck_trace
 from motiondeck.export.source import open_figure
 from motiondeck.export.web_page import copy_player, drawn_figure, drawn_human, write_page
@@ -288,6 +291,73 @@ def test_the_root_goes_where_the_motion_goes(open_page):
         x += (np.cos(heading) * forward - np.sin(heading) * left) / FRAMES
         y += (np.sin(heading) * forward + np.cos(heading) * left) / FRAMES
     assert np.hypot(place[0] - x, place[1] - y) < 0.02 * np.hypot(x, y)
+
+
+@pytest.mark.thorough
+def test_satellites_are_shown_as_they_respond(browser, robot, tmp_path):
+    made, encoding = centralized_library(len(robot.joints)), JointAngles(JointBody.of(robot.joints))
+    library = MotionLibrary(
+        msgspec.structs.replace(made.info, skeleton=encoding.skeleton_info()), made.network, encoding
+    )
+    figure = write_page(tmp_path, library, robot, RATE, networks=True)
+    assert set(figure.held.values()) == {"network"}
+    page = browser.new_page()
+    page.goto(tmp_path.as_uri() + "/index.html")
+    parts = [made.network[name] for name in made.network.motions]
+    words = f"{len(parts[0].satellites.places)} satellites of loop0"
+    strip = page.get_by_role("img", name="what each satellite of the network responds", exact=True)
+    strip.get_by_text(words, exact=True).wait_for()
+    for motion, part in enumerate(parts):
+        for phase in (0.0, 0.21, 0.7, 1.0):
+            found = page.evaluate(f"motiondeck.page.player.responses({motion}, {phase})")
+            # A round of a one-shot is its last frame.
+            states = pairs_at(part.frequency, part.phase, np.array([phase * part.seconds]))
+            assert np.abs(found - part.satellites.respond(states)[0]).max() < 2e-4
+    rows = page.evaluate(
+        """() => {
+          const canvas = document.querySelector("#network canvas");
+          motiondeck.bars(canvas, [0, 1, 0.5]);
+          const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
+          const filled = (x) => [...Array(canvas.height).keys()].filter((y) => data[4 * (canvas.width * y + x) + 3]);
+          return [1, 9, 17].map((x) => filled(x).length / canvas.height);
+        }"""
+    )
+    assert rows == [0.0, 1.0, 0.5]
+    page.close()
+
+
+def test_a_page_of_keys_shows_no_satellites(open_page):
+    open_page.locator("#network").wait_for(state="hidden")
+    assert open_page.evaluate("motiondeck.page.player.responses(0, 0.5)") == []
+
+
+PIXELS = """([steps, pictures]) => {
+  const pixels = new motiondeck.Pixels(steps), levels = [[0, 0]];
+  let now = 0;
+  for (const [seconds, cost] of pictures)
+    for (const end = now + seconds; now < end; ) {
+      const passed = Math.ceil(60 * cost * pixels.share ** 2) / 60; // pictures wait for the screen
+      pixels.shown(passed);
+      now += passed;
+      if (pixels.level !== levels.at(-1)[1]) levels.push([now, pixels.level]);
+    }
+  return [...levels, [now, -1]];
+}"""
+
+
+@pytest.mark.parametrize(("cost", "settles"), [(0.016, 0), (0.03, 2), (0.1, 4)])
+def test_pixels_become_fewer_until_pictures_keep_up(open_page, cost, settles):
+    times, levels = np.array(open_page.evaluate(PIXELS, [4, [(600.0, cost)]])).T
+    assert (times[1:] > 1.0).all()  # the first second is slow for other reasons
+    kept = np.diff(times)
+    assert kept[levels[:-1] == settles].sum() > 0.98 * 600.0
+    assert len(kept) < 24  # each try waits twice as long
+    assert len(open_page.evaluate(PIXELS, [0, [(60.0, cost)]])) == 2  # with a graphics card
+
+
+def test_pixels_come_back_when_the_computer_has_time_again(open_page):
+    levels = np.array(open_page.evaluate(PIXELS, [4, [(20.0, 0.1), (60.0, 0.01)]]))[:-1, 1].astype(int).tolist()
+    assert levels == [0, 1, 2, 3, 4, 3, 2, 1, 0]
 
 
 GRIPPER = """<mujoco><worldbody><body name="base" pos="0 0 0.3"><freejoint/><geom size="0.05"/>
