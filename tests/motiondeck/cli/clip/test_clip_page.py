@@ -5,8 +5,10 @@ import subprocess
 import sys
 
 import pytest
+from playwright.sync_api import expect
 
 from recordings import BVH
+from waiting import soon
 from web_pages import open_early, printed_address
 
 
@@ -47,9 +49,14 @@ def test_the_bar_the_steps_and_the_button(browser, address):
     page.get_by_role("button", name=step, exact=True).click()
     page.get_by_text(f"frame {after} of 120").wait_for()
     bar = page.get_by_role("textbox").first
-    bar.fill("0.5")
-    bar.press("Enter")
-    page.get_by_text("frame 61 of 120").wait_for()
+
+    def goes_to_the_middle():
+        """What the step has set may still be on its way, and takes the place of what is typed."""
+        bar.fill("0.5")
+        bar.press("Enter")
+        expect(page.get_by_text("frame 61 of 120")).to_be_visible(timeout=5000)
+
+    soon(goes_to_the_middle)
     page.get_by_role("button", name="Play").click()
     page.get_by_role("button", name="Pause").wait_for()
     decided = page.locator("#decided").inner_text()
