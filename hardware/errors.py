@@ -1,6 +1,6 @@
 """The errors between a rig file and a turning servo; each message is one line with the remedy."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 from motiondeck_base.errors import MotiondeckError
 
@@ -23,6 +23,14 @@ class RefusedError(ServoError):
 
 class RigError(MotiondeckError):
     """A rig that differs from its file, or is not fit to be switched on; the message names the joints."""
+
+
+class SilentServosError(RigError):
+    """Servos of a rig that do not answer, with the names of their joints."""
+
+    def __init__(self, message: str, names: Collection[str] = ()) -> None:
+        super().__init__(message)
+        self.names = names
 
 
 def still_on(joints: Sequence[str]) -> str:

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from hardware.bus.port import lasting_name
 from hardware.bus.servo_bus import Bus
-from hardware.errors import MotiondeckError, RigError, SerialPortError, with_torque
+from hardware.errors import MotiondeckError, RigError, SerialPortError, SilentServosError, with_torque
 from hardware.rig.counters import RigFaults, RigReport, Timings
 from hardware.rig.driving.joined import JoinedMeasurements
 from hardware.rig.driving.readings import Measurements
@@ -327,6 +327,8 @@ class Rig:
 
     def _take_back(self, one: PortRecovery) -> None:
         recovered, port, now = one.take(), one.port, self._now()
+        if recovered is None and self._goes_on_without(one, now):
+            return
         if recovered is None:
             self._stopped = True
             raise RigError(f"the rig has stopped: {one.failure}") from one.failure
@@ -339,6 +341,21 @@ class Rig:
         self.health.recovered(port.joints, now)
         self.pace.start_again(port.joints, now)
         port.keep_pace(self.pace.of_servos)
+        self._loosen(self.health.lost)
+
+    def _goes_on_without(self, one: PortRecovery, now: float) -> bool:
+        """Gives up on servos that were silent while the others of their port were set up again, which starts anew.
+
+        Whether it does: the rig file must ask for it, and others be left.
+        """
+        if self.config.on_loss == "stop" or not isinstance(one.failure, SilentServosError):
+            return False
+        silent = [index for index in one.port.joints.tolist() if self.names[index] in one.failure.names]
+        if len(silent) == np.count_nonzero(~self.health.lost[one.port.joints]):
+            return False
+        self.health.miss(silent, now)
+        one.start(_RECOVERED_WITHIN)
+        return True
 
     def _recover_port(self, one: PortRecovery, error: SerialPortError) -> None:
         """Starts to reopen a port that has vanished; raises RigError if the rig file does not want that."""

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from hardware.bus.servo_bus import UNKNOWN_MODEL, Bus, Identity
-from hardware.errors import RigError, ServoError
+from hardware.errors import RigError, ServoError, SilentServosError
 from hardware.families.models import TRAITS
 from hardware.families.table import describe_errors
 from hardware.rig.registers import list_joints, read_each, read_register, sync_write_all
@@ -28,9 +28,10 @@ def check_identities(config: RigConfig, bus: Bus) -> None:
         )
     missing = [joint for joint in config.joints if found[joint.id] is None]
     if missing:
-        raise RigError(
+        raise SilentServosError(
             f"no answer on {bus.port.name} at {bus.baud} baud from {list_joints(missing)}. "
-            "Check power, cables and ids; motiondeck rig doctor finds servos at other ids and baud rates."
+            "Check power, cables and ids; motiondeck rig doctor finds servos at other ids and baud rates.",
+            {joint.joint_name for joint in missing},
         )
     mute = [joint for joint in config.joints if (one := found[joint.id]) and one.model_number == UNKNOWN_MODEL]
     if mute:

@@ -513,3 +513,18 @@ def test_the_state_of_a_servo_names_what_is_wrong_within_two_seconds(build, faul
         seen.add(conditions(rig)[2])
     assert any(word.startswith(condition) for word in seen), seen
     assert rig.states.goals[0] == pytest.approx(0.3)
+
+
+@pytest.mark.parametrize("restarts_at", [0.45, 0.5, 0.6, 1.2])
+def test_a_servo_that_dies_while_another_is_set_up_again_does_not_end_a_rig_that_is_to_go_on(build, restarts_at):
+    rig, port = build("dead:id=2,at=0.5", f"reboot:id=3,at={restarts_at}", on_loss="go on")
+    play(rig, port, [0.3] * 4, 7.0)
+    assert rig.positions[[0, 2, 3]] == pytest.approx(0.3, abs=0.01)
+    assert conditions(rig)[1] == "is lost"
+
+
+@pytest.mark.parametrize("restarts_at", [0.45, 0.6])
+def test_a_servo_that_is_back_from_there_is_set_up_again(build, restarts_at):
+    rig, port = build("dead:id=2,at=0.5,for=5", f"reboot:id=3,at={restarts_at}", on_loss="go on")
+    play(rig, port, [0.3] * 4, 10.0)
+    assert rig.positions == pytest.approx(0.3, abs=0.01)
