@@ -72,7 +72,9 @@ motiondeck.browser ??= (() => {
 
   // viser's folders open by a click alone: here by Tab and Enter or Space, too.
   function reach() {
-    for (const head of document.querySelectorAll('#root .mantine-Paper-root > .mantine-Paper-root[style*="cursor: pointer"]:not([tabindex])')) {
+    for (const head of document.querySelectorAll('#root .mantine-Paper-root > .mantine-Paper-root[style*="cursor: pointer"]')) {
+      head.ariaExpanded = String((head.nextElementSibling?.offsetHeight ?? 0) > 0);
+      if (head.role === "button") continue;
       Object.assign(head, { tabIndex: 0, role: "button" });
       head.addEventListener("keydown", (event) => {
         if (event.target !== head || !["Enter", " "].includes(event.key)) return;
