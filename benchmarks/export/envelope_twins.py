@@ -65,7 +65,7 @@ def compiled_fixed(folder: Path, *, broken: bool = False) -> Path:
         shutil.copy(source, folder)
     if broken:  # stops are taken to be shorter
         text = (folder / "envelope.c").read_text()
-        (folder / "envelope.c").write_text(text.replace("run += q * fast -", "run += q * fast / 2 -"))
+        (folder / "envelope.c").write_text(text.replace("run += way_in(q, fast,", "run += way_in(q, fast / 2,"))
     words = ["c++", "-std=c++17", "-DMD_FIXED", "-O1", *SANITIZED, "-x", "c++", folder / "_envelope.c"]
     subprocess.run([*words, "-o", folder / "envelope"], check=True)
     return folder / "envelope"

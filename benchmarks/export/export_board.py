@@ -59,7 +59,10 @@ def of_joints(figure: Figure, count: int) -> Figure:
 
 
 def measured(figure: Figure, core: str, level: str, layers: int, folder: Path) -> dict[str, int]:
-    """Instructions, stack and sizes in bytes of a figure's player on a core."""
+    """Instructions, stack and sizes in bytes of a figure's player on a core.
+
+    Code is all of the player, whether or not it is called here, and what it takes of the libraries.
+    """
     write_c(figure, folder)
     for name in ("_board.c", "_board.ld"):
         shutil.copy(HERE / name, folder)
@@ -67,17 +70,20 @@ def measured(figure: Figure, core: str, level: str, layers: int, folder: Path) -
     joints = f"-DLAYERS={layers}"
     source, language = ("player.cpp", ["-fno-exceptions"]) if figure.fixed else ("player.c", ["-std=gnu99"])
     common = ["arm-none-eabi-gcc", *flags.split(), "-mthumb", *language, f"-O{level}", "-ffp-contract=off", joints]
-    common += ["-ffunction-sections", "-fdata-sections"]
-    objects = [source, "_board.c", "-T", "_board.ld", "-nostartfiles", "-Wl,--gc-sections", "-lm", "-lc", "-lgcc"]
+    common += ["-ffunction-sections", "-fdata-sections", "-fno-math-errno"]
+    subprocess.run([*common, "-c", "_board.c"], cwd=folder, check=True)
+    objects = [source, "_board.o", "-T", "_board.ld", "-nostartfiles", "-Wl,--gc-sections", "-lm", "-lc", "-lgcc"]
     subprocess.run([*common, *objects, "-o", "board.elf"], cwd=folder, check=True)
-    sizes = subprocess.run(["arm-none-eabi-size", "board.elf"], cwd=folder, check=True, capture_output=True, text=True)
-    text = int(sizes.stdout.splitlines()[1].split()[0])
+    size = subprocess.run(
+        ["arm-none-eabi-size", "board.elf", "_board.o"], cwd=folder, check=True, capture_output=True, text=True
+    )
+    text, board = (int(line.split()[0]) for line in size.stdout.splitlines()[1:])  # the board's has the figure
     words = ["qemu-system-arm", "-M", machine, "-nographic", "-semihosting", "-icount", "shift=0"]
     done = subprocess.run(
         [*words, "-kernel", "board.elf"], cwd=folder, check=True, capture_output=True, text=True, timeout=900
     )
     found = {name: int(value) for name, value in re.findall(r"^(\w+) (\d+)$", done.stdout + done.stderr, re.MULTILINE)}
-    return found | {"code": text - len(figure.words), "ram": found["player"] + found["stack"]}
+    return found | {"code": text - board, "ram": found["player"] + found["stack"]}
 
 
 def main(

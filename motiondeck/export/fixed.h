@@ -5,12 +5,9 @@
 #include <math.h>
 #include <stdint.h>
 
-/* A product wants no copies of itself on a small board. */
 #ifdef __GNUC__
-#define MD_CALLED __attribute__((noinline, unused)) static
 #define MD_FOLDED __attribute__((always_inline)) constexpr
 #else
-#define MD_CALLED static
 #define MD_FOLDED constexpr
 #endif
 
@@ -34,16 +31,21 @@ MD_CALLED int32_t md_multiplied(int32_t a, int32_t b) {
 #endif
 }
 
+/* x / y, rounded down, as far as it can be told. */
+MD_CALLED int32_t md_quotient(uint64_t x, uint32_t y) {
+  uint32_t high = (uint32_t)(x >> 32), low = (uint32_t)x;
+  if (high >= y >> 1) return INT32_MAX;
+  for (int bit = 0; bit < 32; bit++) {
+    high = high << 1 | low >> 31, low <<= 1;
+    if (high >= y) high -= y, low++;
+  }
+  return (int32_t)low;
+}
+
 /* a * 2^25 / b, rounded towards 0. */
 MD_CALLED int32_t md_divided(int32_t a, int32_t b) {
-  uint32_t x = a < 0 ? 0u - (uint32_t)a : (uint32_t)a, y = b < 0 ? 0u - (uint32_t)b : (uint32_t)b;
-  uint32_t whole = y ? x / y : 64u, rest = y ? x - whole * y : 0u;
-  if (whole >= 64u) return (a < 0) == (b < 0) ? INT32_MAX : -INT32_MAX;
-  for (int bit = 0; bit < 25; bit++) {
-    rest <<= 1, whole <<= 1;
-    if (rest >= y) rest -= y, whole++;
-  }
-  return (a < 0) == (b < 0) ? (int32_t)whole : -(int32_t)whole;
+  int32_t size = md_quotient((uint64_t)(a < 0 ? 0u - (uint32_t)a : (uint32_t)a) << 25, b < 0 ? 0u - (uint32_t)b : (uint32_t)b);
+  return (a < 0) == (b < 0) ? size : -size;
 }
 
 /* The root, rounded down. */
@@ -57,17 +59,6 @@ MD_CALLED uint32_t md_root(uint64_t x) {
       root >>= 1;
   }
   return (uint32_t)root;
-}
-
-/* x / y, rounded down, as far as it can be told. */
-MD_CALLED int32_t md_quotient(uint64_t x, uint32_t y) {
-  uint32_t high = (uint32_t)(x >> 32), low = (uint32_t)x;
-  if (high >= y >> 1) return INT32_MAX;
-  for (int bit = 0; bit < 32; bit++) {
-    high = high << 1 | low >> 31, low <<= 1;
-    if (high >= y) high -= y, low++;
-  }
-  return (int32_t)low;
 }
 
 /* Angles, shares, tempos, short times: -64 to 64, in units of 2^-25. */
@@ -142,8 +133,8 @@ struct md_time {
 MD_CALLED md_real sqrtf(md_real x) { return md_real::of((int32_t)md_root((uint64_t)x.raw << 25)); }
 static inline md_real sqrtf(md_wide x) { return md_real::of(md_saturated((int64_t)md_root((uint64_t)x.raw))); }
 static inline md_real fabsf(md_real x) { return x.raw < 0 ? -x : x; }
-static inline md_real floorf(md_real x) { return md_real::of((int32_t)((uint32_t)x.raw & 0xFE000000u)); }
-static inline md_real rintf(md_real x) { return floorf(x + md_real(0.5f)); }
+static inline md_real rounded_down(md_real x) { return md_real::of((int32_t)((uint32_t)x.raw & 0xFE000000u)); }
+static inline md_real rounded(md_real x) { return rounded_down(x + md_real(0.5f)); }
 static inline md_real copysignf(md_real x, md_real sign) { return (x.raw < 0) == (sign.raw < 0) ? x : -x; }
 
 /* exp x, for |x| < 4 */
@@ -153,10 +144,11 @@ static inline md_real exponential(md_real x) {
   return power;
 }
 
+static inline md_time fabsf(md_time x) { return x.raw < 0 ? -x : x; }
 static inline md_time least(md_time x, md_time y) { return y < x ? y : x; }
 static inline md_time bounded(md_time x, md_time low, md_time high) { return x < low ? low : x > high ? high : x; }
 MD_CALLED md_wide most(md_wide x, md_wide y) { return y > x ? y : x; }
-static inline md_wide product(md_real x, md_real y) { return md_wide::of((int64_t)x.raw * y.raw); }
+MD_CALLED md_wide product(md_real x, md_real y) { return md_wide::of((int64_t)x.raw * y.raw); }
 static inline md_wide clearly_less(md_wide cost) { return md_wide::of(cost.raw - (cost.raw >> 10)); }
 static inline md_real times(md_real x, int n) { return md_real::of((int32_t)((uint32_t)x.raw * (uint32_t)n)); }
 static inline md_real share_of(md_real x, int n) { return md_real::of(x.raw < 0 ? -(int32_t)((0u - (uint32_t)x.raw) / (uint32_t)n) : (int32_t)((uint32_t)x.raw / (uint32_t)n)); }

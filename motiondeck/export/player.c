@@ -6,6 +6,33 @@
 #include <math.h>
 #include <string.h>
 
+/* As memset and memcpy, some hundred bytes less on a small board; volatile, or the compiler calls those. */
+MD_CALLED void clear(void *place, size_t bytes) {
+  for (volatile unsigned char *byte = (unsigned char *)place; bytes--;) *byte++ = 0;
+}
+MD_CALLED void copy(void *place, const void *from, size_t bytes) {
+  const unsigned char *other = (const unsigned char *)from;
+  for (volatile unsigned char *byte = (unsigned char *)place; bytes--;) *byte++ = *other++;
+}
+#ifndef MD_FIXED
+/* The whole numbers at and below, at and above, and nearest to some; those of large ones are themselves. */
+MD_CALLED float rounded_down(float x) {
+  if (fabsf(x) >= 8388608.0f) return x;
+  float whole = (float)(int32_t)x;
+  return whole > x ? whole - 1.0f : whole;
+}
+static float rounded_up(float x) { return -rounded_down(-x); }
+MD_CALLED float rounded(float x) { /* what is halfway is even */
+  volatile float shifted = x + 12582912.0f;
+  return shifted - 12582912.0f;
+}
+MD_CALLED float cube_root(float x) {
+  float root = 1.0f + x;
+  for (int step = 0; step < 60; step++) root = (root + root + x / (root * root)) * (1.0f / 3.0f);
+  return x > 0.0f ? root : 0.0f;
+}
+#endif
+
 #include "envelope.c"
 
 #ifdef MD_FIXED
@@ -61,14 +88,14 @@ static md_wide clearly_less(md_wide cost) { return cost * (1.0f - 1.0f / 1024.0f
 static md_real times(md_real x, int n) { return x * (float)n; }
 static md_real share_of(md_real x, int n) { return x / (float)n; }
 static md_real ratio(int k, int n) { return (float)k / (float)n; }
-static int whole(md_real x) { return (int)floorf(x); }
-static int nearest(md_real x) { return (int)rintf(x); }
-static int nearest_times(md_real x, int n) { return (int)rintf(x * (float)n); }
+static int whole(md_real x) { return (int)rounded_down(x); }
+static int nearest(md_real x) { return (int)rounded(x); }
+static int nearest_times(md_real x, int n) { return (int)rounded(x * (float)n); }
 static md_time multiple(md_real x, int n) { return x * (float)n; }
 static md_time scaled(md_time x, md_real by) { return x * by; }
 static int whole_ticks(md_real seconds, md_time tick) { return (int)(seconds / tick); }
 static int whole_times(md_time x, md_real y, md_real *share) {
-  md_real n = floorf(x / y);
+  md_real n = rounded_down(x / y);
   *share = x / y - n;
   return (int)n;
 }
@@ -83,22 +110,19 @@ static float exponential(float x) {
 #endif
 
 enum { RUNNING, BRAKING, LATCHED, HELD };           /* phases of the stop (stop_state.py) */
+enum { BEFORE, LAST, NOW }; /* of the angles of a joint */
 enum { STOPPING, MOVING, ARRIVING, FOLLOWING, HOLDING }; /* ways of the joints (run_phases.py) */
 
 /* ---- the figure ---- */
 
-static md_real real_at(const uint32_t *figure, int word) {
-  md_real value;
-  memcpy(&value, figure + word, sizeof value);
-  return value;
-}
-static md_time time_at(const uint32_t *figure, int word) {
+static float float_at(const uint32_t *figure, int word) { return *(const float *)(const void *)(figure + word); }
 #ifdef MD_FIXED
-  return md_time::of((int32_t)figure[word]);
+static md_real real_at(const uint32_t *figure, int word) { return md_real::of((int32_t)figure[word]); }
+static md_time time_at(const uint32_t *figure, int word) { return md_time::of((int32_t)figure[word]); }
 #else
-  return real_at(figure, word);
+static md_real real_at(const uint32_t *figure, int word) { return float_at(figure, word); }
+static md_time time_at(const uint32_t *figure, int word) { return float_at(figure, word); }
 #endif
-}
 static const md_motion *motion_row(const uint32_t *figure, int motion) {
   return (const md_motion *)(const void *)(figure + figure[MOTION_ROWS]) + motion;
 }
@@ -123,22 +147,21 @@ static uint32_t sum_of(const uint32_t *figure) {
 
 int md_joints(const uint32_t *figure) { return (int)figure[JOINTS]; }
 int md_motions(const uint32_t *figure) { return (int)figure[MOTIONS]; }
-float md_rate(const uint32_t *figure) {
-  float rate;
-  memcpy(&rate, figure + TICK_RATE, sizeof rate);
-  return rate;
-}
+float md_rate(const uint32_t *figure) { return float_at(figure, TICK_RATE); }
 const char *md_joint_name(const uint32_t *figure, int joint) {
   const char *name = (const char *)(figure + figure[NAMES]);
-  while (joint--) name += strlen(name) + 1;
+  while (joint) joint -= !*name++;
   return name;
 }
 const char *md_motion_name(const uint32_t *figure, int motion) {
   return (const char *)(figure + figure[NAMES]) + motion_row(figure, motion)->name;
 }
 int md_find(const uint32_t *figure, const char *name) {
-  for (int motion = 0; motion < md_motions(figure); motion++)
-    if (!strcmp(md_motion_name(figure, motion), name)) return motion;
+  for (int motion = 0; motion < md_motions(figure); motion++) {
+    const char *one = md_motion_name(figure, motion), *other = name;
+    for (; *one && *one == *other; one++) other++;
+    if (*one == *other) return motion;
+  }
   return MD_E_MOTION;
 }
 
@@ -155,7 +178,7 @@ static md_real sine(md_real x) {
 /* The centers at a frame, (cos, sin) each, and the exponent of a satellite's response there, by its linear form. */
 static void turn_centers(const md_real *turns, int states, md_real frame, md_real *state) {
   for (int k = 0; k < states; k += 2) {
-    md_real turn = frame * turns[k] + turns[k + 1], x = 1.57079633f * (turn - rintf(turn));
+    md_real turn = frame * turns[k] + turns[k + 1], x = 1.57079633f * (turn - rounded(turn));
     md_real c = 1.0f - versine(x), s = sine(x), c2 = c * c - s * s, s2 = 2.0f * c * s;
     state[k] = c2 * c2 - s2 * s2, state[k + 1] = 2.0f * c2 * s2;
   }
@@ -223,7 +246,7 @@ static void draw(const md_player *p, const md_motion *m, int frame, md_real *ang
 /* ---- one motion as it plays (frame_player.py, track.py) ---- */
 
 /* A number of a frame or an anchor on a round of so many. */
-static int around(int number, int many) {
+MD_CALLED int around(int number, int many) {
   while (number < 0) number += many;
   while (number >= many) number -= many;
   return number;
@@ -235,18 +258,21 @@ static int after(const md_motion *m, int frame) {
 }
 static int preceding(const md_motion *m, int frame) { return frame > 0 ? frame - 1 : m->loop ? (int)m->frames - 1 : 0; }
 
-static void take(const md_player *p, md_track *t, int place, int frame) {
-  t->index[place] = frame;
-  draw(p, t->motion, frame, t->frame[place]);
-}
+/* The row of a frame by its place in time. */
+static int row_at(const md_track *t, int place) { return (t->forwards ? t->oldest + place : t->oldest - place) & 3; }
 static int onward(const md_track *t, int frame) {
   return t->forwards ? after(t->motion, frame) : preceding(t->motion, frame);
 }
-static void take_from(const md_player *p, md_track *t, int place) {
-  for (; place < 4; place++) take(p, t, place, onward(t, t->index[place - 1]));
+static void take(const md_player *p, md_track *t, int place, int frame) {
+  int row = row_at(t, place);
+  t->index[row] = frame;
+  draw(p, t->motion, frame, t->frame[row]);
 }
-static void begin_at(const md_player *p, md_track *t, const md_motion *m, int frame) {
-  t->motion = m, t->fraction = 0.0f, t->forwards = 1, t->backwards = 0;
+static void take_from(const md_player *p, md_track *t, int place) {
+  for (; place < 4; place++) take(p, t, place, onward(t, t->index[row_at(t, place - 1)]));
+}
+MD_CALLED void begin_at(const md_player *p, md_track *t, const md_motion *m, int frame) {
+  t->motion = m, t->fraction = 0.0f, t->forwards = 1, t->backwards = t->oldest = 0;
   take(p, t, 0, frame);
 }
 
@@ -276,23 +302,16 @@ static void enter_anchor(const md_player *p, md_track *t, const md_motion *m, in
 }
 
 static void turn_round(const md_player *p, md_track *t) {
+  t->oldest = row_at(t, 3);
   t->forwards = !t->forwards;
   t->fraction = 1.0f - t->fraction;
-  for (int i = 0; i < 2; i++) {
-    md_real row[MD_MOST_JOINTS];
-    int index = t->index[i];
-    memcpy(row, t->frame[i], sizeof row);
-    memcpy(t->frame[i], t->frame[3 - i], sizeof row);
-    memcpy(t->frame[3 - i], row, sizeof row);
-    t->index[i] = t->index[3 - i], t->index[3 - i] = index;
-  }
-  int towards = t->index[2], end = t->motion->loop ? towards : (int)t->motion->steps;
+  int towards = t->index[row_at(t, 2)], end = t->motion->loop ? towards : (int)t->motion->steps;
   take(p, t, 3, onward(t, towards < end ? towards : end));
 }
 
 static md_real phase_of(const md_track *t, int place) {
   const md_motion *m = t->motion;
-  md_real phase = ratio(t->index[place], (int)(m->loop ? m->frames : m->steps));
+  md_real phase = ratio(t->index[row_at(t, place)], (int)(m->loop ? m->frames : m->steps));
   return phase < 1.0f ? phase : 1.0f;
 }
 
@@ -302,24 +321,27 @@ static void step_track(const md_player *p, md_track *t, int ticks, md_real tempo
   md_time round = t->motion->seconds;
   t->at += scaled(p->tick_time, shift);
   if (!t->motion->loop) t->at = bounded(t->at, t->first, t->last);
-  for (; t->motion->loop && t->at > round + round; t->last -= round) t->at -= round, t->first -= round;
-  for (; t->motion->loop && t->at < -(round + round); t->last += round) t->at += round, t->first += round;
+  if (t->motion->loop && fabsf(t->at) > round + round) {
+    if (t->at > round) round = -round;
+    t->at += round, t->first += round, t->last += round;
+  }
   t->backwards = tempo < 0.0f || (tempo == 0.0f && t->backwards);
 
   if (shift != 0.0f && (shift > 0.0f) != t->forwards) turn_round(p, t);
   t->fraction += fabsf(shift) * real_at(p->figure, FRAMES_A_TICK);
   for (; t->fraction >= 1.0f; t->fraction -= 1.0f) {
-    memmove(t->frame[0], t->frame[1], sizeof t->frame[0] * 3);
-    memmove(t->index, t->index + 1, sizeof t->index[0] * 3);
+    t->oldest = row_at(t, 1);
     take_from(p, t, 3);
   }
   md_real u = t->fraction, uu = u * u, uuu = uu * u;
   md_real weight[4] = {0.5f * (2.0f * uu - u - uuu), 1.0f + 0.5f * (3.0f * uuu - 5.0f * uu),
                      0.5f * (u + 4.0f * uu - 3.0f * uuu), 0.5f * (uuu - uu)};
-  memcpy(t->before, t->now, sizeof t->now);
-  for (int j = 0; j < p->joints; j++)
-    t->now[j] = weight[0] * t->frame[0][j] + weight[1] * t->frame[1][j] + weight[2] * t->frame[2][j] +
-                weight[3] * t->frame[3][j];
+  const md_real *row[4];
+  for (int k = 0; k < 4; k++) row[k] = t->frame[row_at(t, k)];
+  for (int j = 0; j < p->joints; j++) {
+    t->before[j] = t->now[j];
+    t->now[j] = weight[0] * row[0][j] + weight[1] * row[1][j] + weight[2] * row[2][j] + weight[3] * row[3][j];
+  }
 }
 
 static int has_ended(const md_track *t) {
@@ -336,17 +358,17 @@ static void finish_round(md_track *t) {
 /* ---- where a motion is entered (transition.entry_costs) ---- */
 
 
-/* The end of a joint's bone is LEVER away, m: its way and the square of its straight way as the joint turns by some rad. */
+/* The end of a joint's bone is LEVER away, m: its way across as the joint turns by some rad. */
 static md_real way_of(md_real turn) {
   md_real s = turn * turn * (1.0f / (LEVER * LEVER));
   return turn * (1.0f - s * (1.0f / 6.0f - s * (1.0f / 120.0f - s * (1.0f / 5040.0f - s * (1.0f / 362880.0f)))));
 }
-static md_wide square_of(md_real turn) {
-  md_real s = turn * turn * (1.0f / (LEVER * LEVER));
-  return product(turn, turn * (1.0f - s * (1.0f / 12.0f - s * (1.0f / 360.0f - s * (1.0f / 20160.0f)))));
+/* The straight way to an end that is turned by some rad, signed, and its square. */
+MD_CALLED md_real chord(md_real turn) { return 2.0f * way_of(0.5f * turn); }
+MD_CALLED md_wide square_of(md_real turn) {
+  md_real way = chord(turn);
+  return product(way, way);
 }
-/* The straight way to an end that is turned by some rad, signed. */
-static md_real chord(md_real turn) { return 2.0f * way_of(0.5f * turn); }
 
 /* How many anchors of a motion are compared: some all over it, then those about the best of these. */
 static int compared(const md_motion *m) { return ((int)m->entries + COARSE - 1) / COARSE + 2 * (COARSE - 1); }
@@ -361,20 +383,22 @@ static void compare(md_player *p, const md_motion *m, int anchor) {
   draw(p, m, anchor * stride, here);
   draw(p, m, (anchor < last ? anchor + 1 : m->loop ? 0 : last) * stride, next);
   for (int j = 0; j < p->joints && cost < p->entry_cost; j++) {
-    md_real own = chord(next[j] - back[j]) * reach, shown = p->entered_reach[j];
-    md_real apart = 0.5f * (next[j] + back[j] + ahead * shown) - p->entered_from[j], faster = own - shown;
+    md_real own = chord(next[j] - back[j]) * reach, from = p->joint[j].entered_from, shown = p->joint[j].entered_reach;
+    md_real apart = 0.5f * (next[j] + back[j] + ahead * shown) - from, faster = own - shown;
     md_real aside = (md_real)square_of(apart) * (1.0f / (LEVER * LEVER));
-    cost += square_of(here[j] - p->entered_from[j]) + product(faster, faster) + product(own, shown * aside);
+    cost += square_of(here[j] - from) + product(faster, faster) + product(own, shown * aside);
   }
   if (cost < p->entry_cost) p->entry_cost = clearly_less(cost), p->entry = anchor;
 }
 
-/* Begins to look where a motion is most like what was shown at last, and before. */
-static void seek_entry(md_player *p, int motion, const md_real *last, const md_real *before) {
+/* Begins to look where a motion is most like what was shown NOW, or LAST. */
+static void seek_entry(md_player *p, int motion, int moment) {
   md_real reach = VELOCITY_REACH / p->dt;
   p->entering = motion, p->compared = 0, p->entry_cost = DEAREST, p->entry = p->adding = 0;
-  for (int j = 0; j < p->joints; j++) p->entered_reach[j] = chord(last[j] - before[j]) * reach;
-  memcpy(p->entered_from, last, sizeof p->entered_from);
+  for (md_joint *j = p->joint; j < p->joint + p->joints; j++) {
+    j->entered_from = j->angle[moment];
+    j->entered_reach = chord(j->angle[moment] - j->angle[moment - 1]) * reach;
+  }
 }
 
 /* Compares as many anchors as a tick allows; whether they all have been compared. */
@@ -394,7 +418,7 @@ static int search_entry(md_player *p) {
 /* Enters the motion where that was, and as much further on as the search took. */
 static void enter_found(const md_player *p, md_track *t) {
   const md_motion *m = motion_row(p->figure, p->entering);
-  int late = (compared(m) - 1) / (int)m->searched + 1, anchors = (int)m->anchors;
+  int late = (int)((unsigned)(compared(m) - 1) / m->searched) + 1, anchors = (int)m->anchors;
   int carried = m->loop ? whole(times(p->dt, late) * p->tempo / m->spacing + CARRIED) : 0;
   enter_anchor(p, t, m, around(p->entry + carried, anchors));
 }
@@ -405,52 +429,64 @@ typedef struct {
   md_real value, slope; /* what is left of a difference in place, and of the way on which its rate leads, s */
 } Shares;
 
-static Shares left_of(md_fade fade, md_real elapsed) {
-  md_real s = least(elapsed / fade.duration, 1.0f), r = least(elapsed / fade.slowing, 1.0f);
-  Shares left = {1.0f + s * s * s * (-10.0f + s * (15.0f - 6.0f * s)),
-                 fade.slowing * (r + r * r * r * (-6.0f + r * (8.0f - 3.0f * r)))};
+/* From 0 at 0 to 1 at 1, at rest there: a quintic. */
+static md_real smooth(md_real s) { return s * s * s * (10.0f + s * (6.0f * s - 15.0f)); }
+
+static const md_fade shortest = {SHORTEST, SHORTEST};
+
+static Shares left_of(const md_fade *fade, md_real elapsed) {
+  md_real s = least(elapsed / fade->duration, 1.0f), r = least(elapsed / fade->slowing, 1.0f);
+  Shares left = {1.0f - smooth(s),
+                 fade->slowing * (r + r * r * r * (-6.0f + r * (8.0f - 3.0f * r)))};
   return left;
 }
-static Shares leaving(md_fade fade, md_real elapsed) {
-  md_real s = least(elapsed / fade.duration, 1.0f), r = least(elapsed / fade.slowing, 1.0f), turn = s - s * s;
-  Shares rates = {-30.0f * turn * turn / fade.duration, 1.0f + r * r * (-18.0f + r * (32.0f - 15.0f * r))};
+static Shares leaving(const md_fade *fade, md_real elapsed) {
+  md_real s = least(elapsed / fade->duration, 1.0f), r = least(elapsed / fade->slowing, 1.0f), turn = s - s * s;
+  Shares rates = {-30.0f * turn * turn / fade->duration, 1.0f + r * r * (-18.0f + r * (32.0f - 15.0f * r))};
   return rates;
 }
 
 /* Ends the trial of the candidate, and names the fade to go on with (FadeSearch._try). */
-static void end_trial(md_player *p, md_real step, md_fade *next) {
+static void end_trial(md_player *p, md_real step, const md_fade **next) {
   static const md_real slowed_within[3] = {1.0f, 0.5f, 0.25f};
-  md_fade fade = p->candidate;
+  const md_fade *fade = &p->candidate;
   if (p->already == 0.0f) p->already = sqrtf(p->first) / step;
-  md_real speed = sqrtf(p->fastest) / step / most(PLANNED_SHARE * p->bound_speed, p->already), duration, hard = HARD * step;
+  md_real speed = sqrtf(p->fastest) / step / most(PLANNED_SHARE * p->bound.speed, p->already), duration, hard = HARD * step;
   /* The use of the planned share of the bounds; 1 is the limit. */
-  md_real use = most(sqrtf(p->hardest) / hard / hard / (PLANNED_SHARE * p->bound_acceleration), speed * speed);
-  int better = use < p->least, exhausted;
+  md_real use = most(sqrtf(p->hardest) / hard / hard / (PLANNED_SHARE * p->bound.acceleration), speed * speed);
+  int better = use < p->least, whole = fade->slowing == fade->duration, exhausted;
   p->moment = 0;
-  if (++p->trials == 1) p->hasty = p->already > PLANNED_SHARE * p->bound_speed;
-  if (better) p->best = fade, p->least = use;
+  if (++p->trials == 1) p->hasty = p->already > PLANNED_SHARE * p->bound.speed;
+  if (better) p->best = *fade, p->least = use;
   p->rises = use > ALL_BUT * p->last ? p->rises + 1 : 0;
   p->last = use;
-  exhausted = fade.duration >= LONGEST || p->rises == 2;
+  exhausted = fade->duration >= LONGEST || p->rises == 2;
   if (exhausted)
     p->slowed++, duration = p->best.duration, p->last = FARTHEST, p->rises = 0;
   else
-    duration = least(LONGEST, fade.duration * most(LONGER, sqrtf(use)));
+    duration = least(LONGEST, fade->duration * most(LONGER, sqrtf(use)));
   md_real allowed = ALL_BUT + times(YIELDING, p->trials > PATIENT_TRIALS ? p->trials - PATIENT_TRIALS : 0);
   p->found = p->least <= allowed || p->slowed == 3;
-  *next = p->best;
+  *next = &p->best;
   if (p->found) return;
   p->candidate.duration = duration;
   p->candidate.slowing = slowed_within[p->hasty ? 2 - p->slowed : p->slowed] * duration;
-  if (better && !exhausted && fade.slowing == fade.duration) *next = p->candidate;
+  if (better && !exhausted && whole) *next = &p->candidate;
 }
 
+/* What a vector is beyond an earlier one that has turned on. */
+static md_vector beyond(md_vector now, md_vector before, md_real cosine, md_real sine) {
+  md_vector rest = {now.x - cosine * before.x - sine * before.y, now.y - cosine * before.y + sine * before.x};
+  return rest;
+}
+static md_wide square(md_vector v) { return product(v.x, v.x) + product(v.y, v.y); }
+
 /* Weighs the next moment of the candidate: how fast joints are, and how much accelerated beyond their target. */
-static void weigh(md_player *p, md_fade *next) {
-  const md_motion *m = p->track.motion;
-  md_fade fade = p->candidate;
-  int moments = nearest(MOMENTS * fade.duration / fade.slowing), anchors = (int)m->anchors, k = p->moment;
-  md_real step = share_of(fade.duration, moments), time = times(step, k), way = ratio(k, moments);
+static void weigh(md_player *p, const md_fade **next) {
+  const md_motion *m = p->track->motion;
+  const md_fade *fade = &p->candidate;
+  int moments = nearest(MOMENTS * fade->duration / fade->slowing), anchors = (int)m->anchors, k = p->moment;
+  md_real step = share_of(fade->duration, moments), time = times(step, k), way = ratio(k, moments);
   md_real low[MD_MOST_JOINTS], high[MD_MOST_JOINTS]; /* angles at the anchors around the moment */
   md_real risen = (1.0f - p->onset) * way * way;
   md_real share;
@@ -466,137 +502,135 @@ static void weigh(md_player *p, md_fade *next) {
   draw(p, m, near * (int)m->stride, low);
   draw(p, m, further * (int)m->stride, high);
   if (k == 0) p->fastest = p->hardest = 0.0f;
-  md_wide hardest = p->hardest;
+  md_wide hardest = p->hardest, fastest = p->fastest;
   md_real short_by = 0.5f * share * (1.0f - share) * PER_LEVER * PER_LEVER;
   for (int j = 0; j < p->joints; j++) {
     /* The bone, between those of two anchors, and the turn by what is left of the difference. Vectors turn with it. */
-    md_bone *bone = p->bone + j;
+    md_joint *joint = p->joint + j;
+    md_bone *bone = &joint->bone;
     md_real way_on = high[j] - low[j], length = 1.0f - short_by * way_on * way_on, both = length * bone->length;
-    md_real angle = low[j] + share * way_on, turn = left.value * p->value[j] + left.slope * p->rate[j];
+    md_real angle = low[j] + share * way_on, turn = left.value * joint->value + left.slope * joint->rate;
     md_real turned = turn * PER_LEVER, ss = turned * turned;
     /* LEVER times its cosine less 1, and its sine, as far as decisions ask for them. */
-    md_real away_x = -length * turn * turned * (1.0f / 2.0f - ss * (1.0f / 24.0f - ss * (1.0f / 720.0f)));
-    md_real away_y = length * turn * (1.0f - ss * (1.0f / 6.0f - ss * (1.0f / 120.0f - ss * (1.0f / 5040.0f))));
+    md_vector away = {-length * turn * turned * (1.0f / 2.0f - ss * (1.0f / 24.0f - ss * (1.0f / 720.0f))), length * way_of(turn)};
     if (k > 0) {
       md_real on = angle - bone->angle, moved = on + turn - bone->turn, longer = LEVER * (length - bone->length);
-      md_real back = on * PER_LEVER, s = back * back;
+      md_real back = on * PER_LEVER, s = back * back, ahead = moved * PER_LEVER, a = ahead * ahead;
       md_real cosine = 1.0f - s * (0.5f - s * (1.0f / 24.0f)), sine = back * (1.0f - s * (1.0f / 6.0f));
-      md_real rise_x = away_x - cosine * bone->away_x - sine * bone->away_y;
-      md_real rise_y = away_y - cosine * bone->away_y + sine * bone->away_x;
-      if (product(longer, longer) + product(both * moved, moved) > p->fastest)
-        p->fastest = most(p->fastest, product(longer, longer) + product(both, (md_real)square_of(moved)));
-      if (k > 1) {
-        md_real bend_x = rise_x - cosine * bone->rise_x - sine * bone->rise_y;
-        md_real bend_y = rise_y - cosine * bone->rise_y + sine * bone->rise_x;
-        hardest = most(hardest, product(bend_x, bend_x) + product(bend_y, bend_y));
-      }
-      bone->rise_x = rise_x, bone->rise_y = rise_y;
+      md_vector rise = beyond(away, bone->away, cosine, sine);
+      /* both times the square of the chord */
+      fastest = most(fastest, product(longer, longer) + product(both * moved, moved * (1.0f - a * (1.0f / 12.0f - a * (1.0f / 360.0f)))));
+      if (k > 1) hardest = most(hardest, square(beyond(rise, bone->rise, cosine, sine)));
+      bone->rise = rise;
     }
-    bone->angle = angle, bone->turn = turn, bone->length = length, bone->away_x = away_x, bone->away_y = away_y;
+    bone->angle = angle, bone->turn = turn, bone->length = length, bone->away = away;
   }
+  p->fastest = fastest;
   p->hardest = hardest;
   if (k == 1) p->first = p->fastest;
   if (p->moment++ == moments) end_trial(p, step, next);
 }
 
 /* Goes over to another fade; the gap between both runs out in turn (Fading._go_over_to). */
-static void go_over_to(md_player *p, md_fade fade) {
-  md_fade shortest = {SHORTEST, SHORTEST}, old = p->fade;
-  p->fade = fade;
-  if (fade.duration == old.duration && fade.slowing == old.slowing) return;
-  Shares was = left_of(old, p->elapsed), is = left_of(fade, p->elapsed);
-  Shares went = leaving(old, p->elapsed), goes = leaving(fade, p->elapsed);
-  Shares gap = left_of(shortest, p->gap_elapsed), gap_goes = leaving(shortest, p->gap_elapsed);
-  for (int j = 0; j < p->joints; j++) {
-    md_real value = (was.value - is.value) * p->value[j] + (was.slope - is.slope) * p->rate[j];
-    md_real rate = (went.value - goes.value) * p->value[j] + (went.slope - goes.slope) * p->rate[j];
+static void go_over_to(md_player *p, const md_fade *fade) {
+  if (fade->duration == p->fade.duration && fade->slowing == p->fade.slowing) return;
+  Shares was = left_of(&p->fade, p->elapsed), is = left_of(fade, p->elapsed);
+  Shares went = leaving(&p->fade, p->elapsed), goes = leaving(fade, p->elapsed);
+  Shares gap = left_of(&shortest, p->gap_elapsed), gap_goes = leaving(&shortest, p->gap_elapsed);
+  for (md_joint *j = p->joint; j < p->joint + p->joints; j++) {
+    md_real value = (was.value - is.value) * j->value + (was.slope - is.slope) * j->rate;
+    md_real rate = (went.value - goes.value) * j->value + (went.slope - goes.slope) * j->rate;
     if (p->has_gap) {
-      value += gap.value * p->gap_value[j] + gap.slope * p->gap_rate[j];
-      rate += gap_goes.value * p->gap_value[j] + gap_goes.slope * p->gap_rate[j];
+      value += gap.value * j->gap_value + gap.slope * j->gap_rate;
+      rate += gap_goes.value * j->gap_value + gap_goes.slope * j->gap_rate;
     }
-    p->gap_value[j] = value, p->gap_rate[j] = rate;
+    j->gap_value = value, j->gap_rate = rate;
   }
-  p->has_gap = 1, p->gap_elapsed = 0.0f;
+  p->fade = *fade, p->has_gap = 1, p->gap_elapsed = 0.0f;
 }
 
 static void advance_fade(md_player *p) {
-  md_fade fade = p->fade;
-  for (int most = p->entering == NONE ? ((int)p->track.motion->searched + 2) / 2 : 0; most && !p->found; most--) weigh(p, &fade);
+  const md_fade *fade = &p->fade;
+  for (int most = p->entering == NONE ? ((int)p->track->motion->searched + 2) / 2 : 0; most && !p->found; most--) weigh(p, &fade);
   if (p->elapsed > 0.0f)
     go_over_to(p, fade);
   else
-    p->fade = fade;
+    p->fade = *fade;
   p->elapsed += p->dt, p->gap_elapsed += p->dt;
   if (p->gap_elapsed >= SHORTEST - SOON) p->has_gap = 0;
 }
 
 /* Starts the fade of the difference from the target of the track to what is shown. */
-static void begin_fade(md_player *p, md_real onset, md_real speed, md_real acceleration) {
-  const md_track *t = &p->track;
-  for (int j = 0; j < p->joints; j++) {
-    p->value[j] = p->shown[j] - t->now[j];
-    p->rate[j] = (p->value[j] - (p->posture[j] - t->before[j])) / p->dt;
+static void begin_fade(md_player *p, md_real onset, md_bounds bounds) {
+  const md_track *t = p->track;
+  for (int k = 0; k < p->joints; k++) {
+    md_joint *j = p->joint + k;
+    j->value = j->angle[NOW] - t->now[k];
+    j->rate = (j->value - (j->angle[LAST] - t->before[k])) / p->dt;
   }
-  md_fade shortest = {SHORTEST, SHORTEST};
   p->fade = p->candidate = p->best = shortest;
   p->fading = 1, p->found = p->has_gap = p->trials = p->slowed = p->rises = p->moment = 0;
   p->elapsed = p->gap_elapsed = p->already = 0.0f;
   p->least = p->last = FARTHEST, p->onset = onset;
   md_real faster = most(1.0f, fabsf(p->tempo));
-  p->bound_speed = faster * FASTEST * speed, p->bound_acceleration = faster * faster * acceleration;
+  p->bound.speed = faster * FASTEST * bounds.speed, p->bound.acceleration = faster * faster * bounds.acceleration;
   p->course_at = t->at, p->course_tempo = p->tempo;
 }
 
 /* The share of the tempo at which the motion plays: a one-shot starts slowly as it fades in. */
 static md_real onset_of(const md_player *p) {
-  if (!p->fading || p->track.motion->loop) return 1.0f;
+  if (!p->fading || p->track->motion->loop) return 1.0f;
   md_real progress = least(1.0f, p->elapsed / p->fade.duration);
   return p->onset + (1.0f - p->onset) * progress * progress;
 }
 
 /* ---- joins (performance.py, join_limits.py) ---- */
 
-static void limit_join(md_player *p, md_real speed, md_real acceleration) {
+/* The larger ones of both. */
+MD_CALLED md_bounds wider(md_bounds one, md_bounds other) {
+  md_bounds both = {most(one.speed, other.speed), most(one.acceleration, other.acceleration)};
+  return both;
+}
+
+static void limit_join(md_player *p, md_bounds bounds) {
+  md_bounds join = p->limited ? wider(p->own, bounds) : bounds;
   if (!p->limited) p->weight_pace = 1.0f;
-  p->join_speed = FASTEST * (p->limited ? most(p->own_speed, speed) : speed);
-  p->join_acceleration = HARDEST * (p->limited ? most(p->own_acceleration, acceleration) : acceleration);
-  p->own_speed = speed, p->own_acceleration = acceleration;
-  p->limited = 1, p->correct_from = CORRECTED_FROM;
+  p->join.speed = FASTEST * join.speed, p->join.acceleration = HARDEST * join.acceleration;
+  p->own = bounds, p->limited = 1, p->correct_from = CORRECTED_FROM;
 }
 
 /* The use of the limits of the join by what is shown; 1 is the limit. */
 static md_real use_of_limits(const md_player *p) {
   md_real fastest = 0.0f, hard = HARD * p->dt;
   md_wide hardest = 0.0f;
-  for (int j = 0; j < p->joints; j++) {
-    md_real now = p->shown[j] - p->posture[j], then = p->posture[j] - p->before[j];
-    md_real along = now - then, across = (0.5f * PER_LEVER) * (now * now + then * then);
-    fastest = most(fastest, fabsf(now));
-    if (product(along, along) + product(across, across) <= hardest) continue; /* what follows is less */
-    along = way_of(now) - way_of(then), across = (0.5f * PER_LEVER) * (md_real)(square_of(now) + square_of(then));
-    hardest = most(hardest, product(along, along) + product(across, across));
+  for (const md_joint *j = p->joint; j < p->joint + p->joints; j++) {
+    md_real now = j->angle[NOW] - j->angle[LAST], then = j->angle[LAST] - j->angle[BEFORE];
+    md_real nn = now * now, tt = then * then, n = nn * (PER_LEVER * PER_LEVER / 6.0f), t = tt * (PER_LEVER * PER_LEVER / 6.0f);
+    /* The change of the ways across, and the mean square of the chords. */
+    md_vector change = {now - now * n - then + then * t, (0.5f * PER_LEVER) * (nn - 0.5f * n * nn + tt - 0.5f * t * tt)};
+    fastest = most(fastest, fabsf(now)), hardest = most(hardest, square(change));
   }
   md_real faster = most(1.0f, fabsf(p->tempo));
   hard = hard * faster;
-  return most(chord(fastest) / (faster * p->join_speed * p->dt), sqrtf(hardest) / hard / hard / p->join_acceleration);
+  return most(chord(fastest) / (faster * p->join.speed * p->dt), sqrtf(hardest) / hard / hard / p->join.acceleration);
 }
 
-static void fade_to(md_player *p, md_real speed, md_real acceleration) {
-  md_track *t = &p->track;
+/* Limits the join with what plays now within some bounds, and fades to it. */
+static void fade_to(md_player *p, md_bounds bounds) {
   md_real onset = 1.0f;
-  if (!t->motion->loop) onset = 0.0f;
-  step_track(p, t, 0, onset * p->tempo); /* its first two postures: a fade needs a rate of change */
-  step_track(p, t, 1, onset * p->tempo);
-  begin_fade(p, onset, speed, acceleration);
+  if (!p->track->motion->loop) onset = 0.0f;
+  limit_join(p, bounds);
+  step_track(p, p->track, 0, onset * p->tempo); /* its first two postures: a fade needs a rate of change */
+  step_track(p, p->track, 1, onset * p->tempo);
+  begin_fade(p, onset, bounds);
 }
 
 /* ---- blends (playing_tracks.py, blend_weight.py, deck_motions.py) ---- */
 
-static md_track *track_at(md_player *p, int place) { return place ? p->beside + place - 1 : &p->track; }
 /* The place of a motion among those that play, or NONE. */
 static int place_of(md_player *p, int motion) {
   int place = p->blended;
-  while (place >= 0 && motion_index(p, track_at(p, place)->motion) != motion) place--;
+  while (place >= 0 && motion_index(p, p->track[place].motion) != motion) place--;
   return place;
 }
 static void play_alone(md_player *p) { p->blended = p->crossing = 0; }
@@ -607,20 +641,23 @@ static void step_blend(md_player *p) {
   p->weighed += p->dt * p->weight_pace;
   p->crossing = p->weighed < p->weighing - SOON;
   change = p->crossing ? p->weighed / p->weighing : 1.0f;
-  change = change * change * change * (10.0f + change * (6.0f * change - 15.0f));
+  change = smooth(change);
   own[0] = 1.0f;
   for (int k = 0; k <= p->blended; k++) {
-    p->weight[k] = (1.0f - change) * p->weight_from[k] + change * p->weight_to[k];
-    own[k] = p->lasts[k] / p->lasts[0];
-    md_real z = (own[k] - 1.0f) / (own[k] + 1.0f), zz = z * z; /* ln x = 2 artanh z */
-    common += 2.0f * p->weight[k] * z * (1.0f + zz * (1.0f / 3.0f + zz * (0.2f + zz * (1.0f / 7.0f + zz * (1.0f / 9.0f + zz / 11.0f)))));
+    p->track[k].weight = (1.0f - change) * p->track[k].weight_from + change * p->track[k].weight_to;
+    own[k] = p->track[k].lasts / p->track->lasts;
+    md_real z = (own[k] - 1.0f) / (own[k] + 1.0f), log = 0.0f; /* ln x = 2 artanh z */
+    for (int n = 11; n > 0; n -= 2) log = share_of(1.0f, n) + z * z * log;
+    common += 2.0f * p->track[k].weight * z * log;
   }
   common = exponential(-common);
-  memset(p->shown, 0, sizeof p->shown);
   for (int k = 0; k <= p->blended; k++) {
-    md_track *t = track_at(p, k);
+    md_track *t = p->track + k;
     step_track(p, t, 1, p->tempo * (common * own[k]));
-    for (int j = 0; j < p->joints; j++) p->shown[j] += p->weight[k] * t->now[j];
+    for (int j = 0; j < p->joints; j++) {
+      md_real *shown = p->joint[j].angle + NOW, part = p->track[k].weight * t->now[j];
+      *shown = k ? *shown + part : part;
+    }
   }
 }
 
@@ -630,15 +667,15 @@ enum { FINE, STANDS_STILL, OVER };
 static int problem_of(md_player *p) {
   md_real least_way = FARTHEST, fastest = 0.0f, moved = 0.0f, way = 0.0f, passed = p->dt * fabsf(p->tempo);
   for (int k = 0; k <= p->blended; k++) {
-    least_way = least(least_way, STILL * track_at(p, k)->motion->extent);
-    fastest = most(fastest, TURNS_OVER * track_at(p, k)->motion->pace);
+    least_way = least(least_way, STILL * p->track[k].motion->extent);
+    fastest = most(fastest, TURNS_OVER * p->track[k].motion->pace);
   }
-  for (int j = 0; j < p->joints; j++) {
-    md_real place = way_of(p->shown[j]);
-    moved = most(moved, fabsf(place - way_of(p->posture[j])));
-    if (p->watched <= 0.0f) p->low[j] = p->high[j] = place;
-    p->low[j] = least(p->low[j], place), p->high[j] = most(p->high[j], place);
-    way = most(way, p->high[j] - p->low[j]);
+  for (md_joint *j = p->joint; j < p->joint + p->joints; j++) {
+    md_real place = way_of(j->angle[NOW]);
+    moved = most(moved, fabsf(place - way_of(j->angle[LAST])));
+    if (p->watched <= 0.0f) j->low = j->high = place;
+    j->low = least(j->low, place), j->high = most(j->high, place);
+    way = most(way, j->high - j->low);
   }
   int known = p->watched >= 0.0f;
   p->watched = most(p->watched, 0.0f);
@@ -653,33 +690,30 @@ static int problem_of(md_player *p) {
 static void change_weights(md_player *p) {
   md_real change = 0.0f;
   for (int k = 0; k <= p->blended; k++) {
-    int motion = motion_index(p, track_at(p, k)->motion);
-    p->weight_from[k] = p->weight[k];
-    p->weight_to[k] = motion == p->with ? p->share : motion == p->going_to ? 1.0f - p->share : 0.0f;
-    change = most(change, fabsf(p->weight_to[k] - p->weight_from[k]));
+    int motion = motion_index(p, p->track[k].motion);
+    p->track[k].weight_from = p->track[k].weight;
+    p->track[k].weight_to = motion == p->with ? p->share : motion == p->going_to ? 1.0f - p->share : 0.0f;
+    change = most(change, fabsf(p->track[k].weight_to - p->track[k].weight_from));
   }
   p->weighed = 0.0f, p->weighing = change, p->crossing = change > SOON;
 }
 
 static void limit_blend(md_player *p) {
-  md_real speed = 0.0f, acceleration = 0.0f;
-  for (int k = 0; k <= p->blended; k++) {
-    speed = most(speed, track_at(p, k)->motion->speed);
-    acceleration = most(acceleration, track_at(p, k)->motion->acceleration);
-  }
-  limit_join(p, speed, acceleration);
+  md_bounds bounds = p->track->motion->bounds;
+  for (int k = 1; k <= p->blended; k++) bounds = wider(bounds, p->track[k].motion->bounds);
+  limit_join(p, bounds);
 }
 
 /* Adds the motion that was sought, with a weight of 0 so far. */
 static void add_motion(md_player *p) {
-  md_track *t = p->beside + p->blended;
-  md_real first = p->track.motion->seconds, other;
-  if (!p->blended) p->weight[0] = 1.0f, p->lasts[0] = first;
-  p->weight[++p->blended] = 0.0f, p->watched = -1.0f;
+  md_track *t = p->track + p->blended + 1;
+  md_real first = p->track->motion->seconds, other;
+  if (!p->blended) p->track->weight = 1.0f, p->track->lasts = first;
+  p->track[++p->blended].weight = 0.0f, p->watched = -1.0f;
   enter_found(p, t);
   step_track(p, t, 0, p->tempo);
   other = t->motion->seconds; /* the shorter goes round a whole number of times while the longer does */
-  p->lasts[p->blended] = p->lasts[0] / first * other * (first < other ? 1.0f / rintf(other / first) : rintf(first / other));
+  t->lasts = p->track->lasts / first * other * (first < other ? 1.0f / rounded(other / first) : rounded(first / other));
 }
 
 /* Begins the blend of the plan, or looks first where the motion that is not playing yet is entered. */
@@ -690,89 +724,86 @@ static void begin_blend(md_player *p) {
     limit_blend(p);
     change_weights(p);
   } else {
-    seek_entry(p, added, p->posture, p->before);
+    seek_entry(p, added, LAST);
     p->adding = 1;
   }
 }
 
 static void move_track(md_player *p, int from, int to) {
   if (from == to) return;
-  *track_at(p, to) = *track_at(p, from);
-  p->weight[to] = p->weight[from], p->lasts[to] = p->lasts[from];
-  p->weight[from] = 0.0f;
+  copy(p->track + to, p->track + from, sizeof *p->track);
+  p->track[from].weight = 0.0f;
 }
 
 /* Drops the motions whose weight has become 0; where the first one is dropped, that of the switch leads, or the next. */
 static void drop_weightless(md_player *p) {
   int kept = 0, lead = place_of(p, p->blending_to);
-  if (p->weight[0] == 0.0f) {
-    if (lead == NONE || p->weight[lead] == 0.0f)
-      for (lead = 0; p->weight[lead] == 0.0f;) lead++;
+  if (p->track->weight == 0.0f) {
+    if (lead == NONE || p->track[lead].weight == 0.0f)
+      for (lead = 0; p->track[lead].weight == 0.0f;) lead++;
     move_track(p, lead, 0);
   }
   for (int k = 0; k <= p->blended; k++)
-    if (p->weight[k] != 0.0f) move_track(p, k, kept++);
+    if (p->track[k].weight != 0.0f) move_track(p, k, kept++);
   if (kept <= p->blended) p->watched = -1.0f;
   p->blended = kept - 1;
-  for (int k = 0; k < kept; k++) p->weight_from[k] = p->weight_to[k] = p->weight[k];
+  for (int k = 0; k < kept; k++) p->track[k].weight_from = p->track[k].weight_to = p->track[k].weight;
 }
 
 /* Gives the blend up for the motion that has most weight in it, and fades to that where it is. */
 static void give_up_blend(md_player *p) {
   int nearest = 0;
   for (int k = 1; k <= p->blended; k++)
-    if (p->weight[k] > p->weight[nearest]) nearest = k;
-  const md_motion *one = p->track.motion, *other = track_at(p, nearest)->motion;
-  md_real speed = most(one->speed, other->speed), acceleration = most(one->acceleration, other->acceleration);
-  limit_join(p, speed, acceleration);
+    if (p->track[k].weight > p->track[nearest].weight) nearest = k;
+  md_bounds bounds = wider(p->track->motion->bounds, p->track[nearest].motion->bounds);
+  limit_join(p, bounds);
   move_track(p, nearest, 0);
   play_alone(p);
-  begin_fade(p, 1.0f, speed, acceleration);
+  begin_fade(p, 1.0f, bounds);
   if (p->entering != NONE) return;
-  p->going_to = motion_index(p, other), p->with = NONE, p->current = p->fade_of_switch = p->waits = 1, p->blending = 0;
+  p->going_to = md_playing(p), p->with = NONE, p->current = p->fade_of_switch = p->waits = 1, p->blending = 0;
 }
 
 /* ---- switches and jumps (performance.py) ---- */
 
 static void switch_to_found(md_player *p) {
-  const md_motion *from = p->track.motion, *to = motion_row(p->figure, p->entering);
-  md_real speed = most(from->speed, to->speed), acceleration = most(from->acceleration, to->acceleration);
-  limit_join(p, speed, acceleration);
+  md_bounds bounds = wider(p->track->motion->bounds, motion_row(p->figure, p->entering)->bounds);
   play_alone(p);
-  enter_found(p, &p->track);
-  fade_to(p, speed, acceleration);
+  enter_found(p, p->track);
+  fade_to(p, bounds);
 }
 
 static void jump_to(md_player *p, md_real phase) {
-  const md_motion *m = p->track.motion;
-  limit_join(p, m->speed, m->acceleration);
-  enter_phase(p, &p->track, m, phase);
-  fade_to(p, m->speed, m->acceleration);
+  const md_motion *m = p->track->motion;
+  enter_phase(p, p->track, m, phase);
+  fade_to(p, m->bounds);
 }
 
 static void show_extrapolated(md_player *p) {
-  for (int j = 0; j < p->joints; j++) p->shown[j] = 2.0f * p->posture[j] - p->before[j];
+  for (md_joint *j = p->joint; j < p->joint + p->joints; j++) j->angle[NOW] = 2.0f * j->angle[LAST] - j->angle[BEFORE];
+}
+
+MD_CALLED void show_track(md_player *p) {
+  for (int j = 0; j < p->joints; j++) p->joint[j].angle[NOW] = p->track->now[j];
 }
 
 /* Goes a tick on; whether a fade has been completed with it. */
 static int perform(md_player *p) {
-  const md_motion *m = p->track.motion;
   int completed = 0;
   if (BLENDS && p->blended) {
     step_blend(p);
   } else {
-    step_track(p, &p->track, 1, p->tempo * onset_of(p));
-    memcpy(p->shown, p->track.now, sizeof p->shown);
+    step_track(p, p->track, 1, p->tempo * onset_of(p));
+    show_track(p);
   }
   p->problem = BLENDS && p->blended ? problem_of(p) : FINE;
   if (p->fading) {
     advance_fade(p);
     if (p->elapsed < p->fade.duration - SOON || p->has_gap) {
-      md_fade shortest = {SHORTEST, SHORTEST};
-      Shares left = left_of(p->fade, p->elapsed), gap = left_of(shortest, p->gap_elapsed);
-      for (int j = 0; j < p->joints; j++) {
-        p->shown[j] += left.value * p->value[j] + left.slope * p->rate[j];
-        if (p->has_gap) p->shown[j] += gap.value * p->gap_value[j] + gap.slope * p->gap_rate[j];
+      Shares left = left_of(&p->fade, p->elapsed), gap = left_of(&shortest, p->gap_elapsed);
+      for (md_joint *j = p->joint; j < p->joint + p->joints; j++) {
+        j->angle[NOW] += left.value * j->value + left.slope * j->rate;
+        if (p->has_gap) j->angle[NOW] += gap.value * j->gap_value + gap.slope * j->gap_rate;
       }
     } else {
       p->fading = 0, completed = 1;
@@ -790,7 +821,7 @@ static int perform(md_player *p) {
       md_real onset = onset_of(p);
       p->correct_from = use + CORRECTED_AGAIN;
       show_extrapolated(p);
-      begin_fade(p, onset, m->speed, m->acceleration);
+      begin_fade(p, onset, p->track->motion->bounds);
     }
   }
   if (BLENDS && p->problem == OVER) show_extrapolated(p);
@@ -803,11 +834,11 @@ static int apart(const md_player *p, int one, int other) { return next_on_way(p,
 
 /* Whether what plays goes on in the motion, or the blend of two, that is commanded. */
 static int goes_on(md_player *p, int to, int with) {
-  if (!BLENDS || !p->blended) return motion_index(p, p->track.motion) == to;
+  if (!BLENDS || !p->blended) return motion_index(p, p->track->motion) == to;
   int known = (place_of(p, to) != NONE) + (place_of(p, with) != NONE), added = place_of(p, to) == NONE ? to : with;
   if (with == NONE || !known || p->blended + 3 - known > MD_MOST_BLENDED) return 0;
   for (int k = 0; known < 2 && k <= p->blended; k++) {
-    int other = motion_index(p, track_at(p, k)->motion);
+    int other = motion_index(p, p->track[k].motion);
     if (apart(p, added, other) || apart(p, other, added)) return 0;
   }
   return 1;
@@ -815,7 +846,7 @@ static int goes_on(md_player *p, int to, int with) {
 
 /* Starts a switch to a motion, and then to its blend with another, if not NONE. */
 static void start_switch(md_player *p, int to, int direct, int with, md_real share) {
-  const md_motion *here = p->track.motion;
+  const md_motion *here = p->track->motion;
   p->going_to = to, p->with = with, p->share = share, p->current = 1, p->fade_of_switch = 0, p->entering = NONE;
   if (p->blending) p->blending = 2; /* for a switch that was overtaken */
   if (here->loop && goes_on(p, to, with)) {
@@ -828,21 +859,21 @@ static void start_switch(md_player *p, int to, int direct, int with, md_real sha
     return;
   }
   p->ahead = direct ? to : next_on_way(p, motion_index(p, here), to);
-  p->waits = !direct && !here->loop && !has_ended(&p->track);
+  p->waits = !direct && !here->loop && !has_ended(p->track);
 }
 
 static void take_next(md_player *p) {
-  int over = has_ended(&p->track) && !p->fading && p->entering == NONE && !p->crossing;
+  int over = has_ended(p->track) && !p->fading && p->entering == NONE && !p->crossing;
   if (!p->current && p->queued && over) {
     int to = p->queue[0];
-    memmove(p->queue, p->queue + 1, (size_t)--p->queued);
+    copy(p->queue, p->queue + 1, (size_t)--p->queued);
     start_switch(p, to, 0, NONE, 0.0f);
   }
   if (p->ahead != NONE && (over || !p->waits)) {
     int motion = p->ahead;
     p->ahead = motion == p->going_to ? NONE : next_on_way(p, motion, p->going_to);
     p->waits = 1, p->fade_of_switch = p->current, p->blending = 0;
-    seek_entry(p, motion, p->shown, p->posture);
+    seek_entry(p, motion, NOW);
   } else if (p->entering != NONE) {
     if (search_entry(p)) {
       if (BLENDS && p->adding) {
@@ -862,9 +893,9 @@ static void take_next(md_player *p) {
 
 /* ---- a lock to beats (beat_clock.py, references.Beats, phase_lock.py) ---- */
 
-static int captured(md_real interval) { return interval >= 0.98f * SHORTEST_BEAT && interval <= 1.02f * LONGEST_BEAT; }
+MD_CALLED int captured(md_real interval) { return interval >= 0.98f * SHORTEST_BEAT && interval <= 1.02f * LONGEST_BEAT; }
 
-static void begin_beats(md_beats *b, md_real ago) {
+MD_CALLED void begin_beats(md_beats *b, md_real ago) {
   b->last = ago, b->counted = 1, b->strays = b->was_stray = b->steady = 0;
 }
 
@@ -878,7 +909,7 @@ static void second_beat(md_beats *b, md_real ago) {
 
 /* Whether the latest three intervals are alike and no whole number of periods. */
 static int another_tempo(md_beats *b, md_real interval) {
-  md_real whole = most(rintf(interval / b->period), 1.0f);
+  md_real whole = most(rounded(interval / b->period), 1.0f);
   int off = fabsf(interval - whole * b->period) > 0.2f * b->period;
   int alike = fabsf(interval - b->interval) < 0.1f * interval;
   b->steady = off && alike ? b->steady + 1 : 0;
@@ -898,7 +929,7 @@ static void take_beat(md_beats *b, md_real ago, md_real dt) {
     second_beat(b, ago);
     return;
   }
-  md_real periods = rintf(since / b->period), error = since - periods * b->period;
+  md_real periods = rounded(since / b->period), error = since - periods * b->period;
   if (periods > 8.0f) {
     begin_beats(b, ago);
   } else if (another_tempo(b, before - ago)) {
@@ -926,27 +957,27 @@ static md_real in_direction(md_real tempo, md_real reference) {
 }
 
 static md_real phase_now(const md_player *p) {
-  const md_track *t = &p->track;
+  const md_track *t = p->track;
   md_real before = phase_of(t, 1), way = phase_of(t, 2) - before;
-  way -= rintf(way);
+  way -= rounded(way);
   md_real phase = before + t->fraction * way;
-  return way != 0.0f ? phase - floorf(phase) * (md_real)(phase < 0.0f || phase > 1.0f) : phase;
+  return way != 0.0f ? phase - rounded_down(phase) * (md_real)(phase < 0.0f || phase > 1.0f) : phase;
 }
 
 /* The tempo that keeps step with the beat; far off, a jump. */
 static md_real steered_tempo(md_player *p) {
   md_beats *b = &p->beats;
-  const md_motion *m = p->track.motion;
+  const md_motion *m = p->track->motion;
   if (b->period == 0.0f || !m->loop) return p->commanded_tempo;
   md_real seconds = m->seconds, beats = seconds / b->period, off = share_of(beats, b->chosen ? b->chosen : 1);
   if (!b->chosen || off > 1.6817928f || off < 0.59460356f)
     for (b->chosen = 1; b->chosen < 16 && beats > times(1.4142135f, b->chosen);) b->chosen *= 2;
   int steps = b->steps ? b->steps : b->chosen;
   md_real tempo = share_of(beats, steps), behind = b->phase + share_of((b->last + times(p->dt, b->ticks)) / b->period, steps) - phase_now(p);
-  md_real error = (behind - share_of(floorf(times(behind, steps) + (0.5f - TIE)), steps)) * seconds, size = fabsf(error);
+  md_real error = (behind - share_of(rounded_down(times(behind, steps) + (0.5f - TIE)), steps)) * seconds, size = fabsf(error);
   if (size > 0.8f && !p->current && !p->fading && !p->paused && !p->blended) {
     md_real to = phase_now(p) + error / seconds;
-    p->jump = to - floorf(to);
+    p->jump = to - rounded_down(to);
     return in_direction(tempo, tempo);
   }
   md_real brake_rate = 0.8f * TEMPO_RATE, linear = brake_rate / 25.0f; /* 5 per s for small errors */
@@ -980,13 +1011,16 @@ static int ticks_within(const md_player *p, md_real seconds) { return 1 + whole_
 
 /* ---- layers and live values (share.py, layers.py, live_values.py) ---- */
 
+static void begin_share(md_share *s, md_real goal, md_real share, md_bounds bounds) {
+  s->goal = goal, s->share = share, s->pace = 0.0f, s->bounds = bounds, s->farthest = 1e-6f;
+}
 static int arrived(const md_share *s) { return s->share == s->goal; }
 
 static void approach_share(md_share *s, md_real apart, md_real dt, int may_change) {
   md_real left = s->goal - s->share;
   s->farthest = most(apart, s->farthest);
-  md_real slew = least(20.0f, s->acceleration / s->farthest * (0.45f * HARD * HARD));
-  md_real fastest = least(least(3.0f, 0.4f * s->speed / s->farthest), s->acceleration / s->speed * (HARD * HARD / 8.0f));
+  md_real slew = least(20.0f, s->bounds.acceleration / s->farthest * (0.45f * HARD * HARD));
+  md_real fastest = least(least(3.0f, 0.4f * s->bounds.speed / s->farthest), s->bounds.acceleration / s->bounds.speed * (HARD * HARD / 8.0f));
   md_real wanted = may_change ? copysignf(least(fastest, sqrtf(slew * fabsf(left))), left) : 0.0f;
   s->pace = bounded(s->pace + bounded(wanted - s->pace, -slew * dt, slew * dt), -fastest, fastest);
   if (fabsf(s->pace) < 1e-6f) s->pace = 0.0f;
@@ -1030,7 +1064,7 @@ static void mix_layers(md_player *p) {
   for (int k = 0; k < p->layers; k++) {
     const md_share *s = &p->layer[k].share;
     if (s->goal == 0.0f && arrived(s)) continue;
-    if (kept < k) p->layer[kept] = p->layer[k];
+    if (kept < k) copy(p->layer + kept, p->layer + k, sizeof *p->layer);
     kept++;
   }
   p->layers = kept;
@@ -1044,7 +1078,7 @@ static md_real live_angle(md_player *p, md_live_state *l, md_real beneath) {
   }
   if (l->seen == 1) l->seen = 2, l->at = l->shown, l->moving = beneath - l->shown;
   goal = p->paused ? l->at : l->value;
-  md_real follow = (FOLLOW / 2.0f) * (2.0f * dt), off = l->at - goal, pull = l->moving + follow * off, way = l->share.speed * dt;
+  md_real follow = (FOLLOW / 2.0f) * (2.0f * dt), off = l->at - goal, pull = l->moving + follow * off, way = l->share.bounds.speed * dt;
   l->at += bounded(p->decay * (off + pull) - off, -way, way);
   l->moving = bounded(p->decay * (l->moving - follow * pull), -way, way);
   if (!p->paused) {
@@ -1085,23 +1119,25 @@ static void update(md_player *p) {
   }
   take_next(p);
   if (!p->fading && p->entering == NONE && !p->crossing) p->limited = 0;
-  memcpy(p->before, p->posture, sizeof p->before);
-  memcpy(p->posture, p->shown, sizeof p->posture);
-  memcpy(p->targets, p->shown, sizeof p->targets);
+  for (int j = 0; j < p->joints; j++) {
+    md_real *angle = p->joint[j].angle;
+    angle[BEFORE] = angle[LAST];
+    p->targets[j] = angle[LAST] = angle[NOW];
+  }
   mix_layers(p);
   mix_live_values(p);
 }
 
 /* ---- the run (run_phases.py, stop_state.py, approach.py) ---- */
 
-static EnvelopeJoint *joints_of(md_player *p) { return (EnvelopeJoint *)(void *)p->joint; }
+static EnvelopeJoint *joints_of(md_player *p) { return (EnvelopeJoint *)(void *)p->limit; }
 static int at_rest(md_player *p) {
   const EnvelopeJoint *s = joints_of(p);
   for (int j = 0; j < p->joints; j++)
     if (s[j].v != 0.0f || s[j].a != 0.0f) return 0;
   return 1;
 }
-static const md_real *follow(md_player *p, const md_real *targets) {
+MD_CALLED const md_real *follow(md_player *p, const md_real *targets) {
   envelope_tick(p->joints, limits_of(p->figure), joints_of(p), p->safe, targets, p->changed, 0);
   return p->safe;
 }
@@ -1114,7 +1150,7 @@ static const md_real *brake(md_player *p) {
 static void go_there(md_player *p) {
   const EnvelopeLimits *l = limits_of(p->figure);
   p->way = STOPPING;
-  for (int j = 0; j < p->joints; j++) p->to[j] = bounded(p->targets[j], l[j].lower, l[j].upper);
+  for (int j = 0; j < p->joints; j++) p->joint[j].to = bounded(p->targets[j], l[j].lower, l[j].upper);
 }
 
 /* How many ticks the joints need at least from where they are to where they go; the part of them that has passed. */
@@ -1129,7 +1165,7 @@ static md_time ticks_needed(const md_player *p) {
   uint64_t ticks = 0;
   for (int j = 0; j < p->joints; j++) {
     const EnvelopeLimits *l = limits_of(p->figure) + j;
-    uint64_t way = (uint32_t)fabsf(p->to[j] - p->from[j]).raw;
+    uint64_t way = (uint32_t)fabsf(p->joint[j].to - p->joint[j].from).raw;
     if (!too_soon(way, l, ticks)) continue;
     ticks = 1;
     for (uint64_t more = 1u << 29; more; more >>= 1)
@@ -1143,30 +1179,28 @@ static md_real part_of(int tick, md_time ticks) {
 }
 #else
 static md_time ticks_needed(const md_player *p) {
-  const EnvelopeLimits *l = limits_of(p->figure);
-  md_time ticks = 0.0f;
+  float ticks[3] = {0.0f, 0.0f, 0.0f}; /* by the limits of velocity, acceleration and jerk */
   for (int j = 0; j < p->joints; j++) {
-    md_real distance = fabsf(p->to[j] - p->from[j]);
-    ticks = most(ticks, 1.875f * distance / l[j].v);
-    ticks = most(ticks, sqrtf(5.7735027f * distance / l[j].a));
-    ticks = most(ticks, cbrtf(60.0f * distance / l[j].j));
+    const EnvelopeLimits *l = limits_of(p->figure) + j;
+    float distance = fabsf(p->joint[j].to - p->joint[j].from), limits[3] = {l->v, l->a, l->j};
+    for (int k = 0; k < 3; k++) ticks[k] = most(ticks[k], distance / limits[k]);
   }
-  return ticks;
+  return most(most(1.875f * ticks[0], sqrtf(5.7735027f * ticks[1])), cube_root(60.0f * ticks[2]));
 }
 static md_real part_of(int tick, md_time ticks) { return least((float)tick / ticks, 1.0f); }
 #endif
 
 static void start_approach(md_player *p) {
-  for (int j = 0; j < p->joints; j++) p->from[j] = joints_of(p)[j].p;
+  for (int j = 0; j < p->joints; j++) p->joint[j].from = joints_of(p)[j].p;
   md_time ticks = ticks_needed(p);
   p->approach = ticks + ticks + ticks + ticks;
   p->tick = 0, p->way = MOVING;
 }
 
 static const md_real *approach(md_player *p) {
-  md_real x = part_of(++p->tick, p->approach), share = x * x * x * (10.0f - 15.0f * x + 6.0f * x * x);
+  md_real x = part_of(++p->tick, p->approach), share = smooth(x);
   md_real targets[MD_MOST_JOINTS];
-  for (int j = 0; j < p->joints; j++) targets[j] = p->from[j] + (p->to[j] - p->from[j]) * share;
+  for (int j = 0; j < p->joints; j++) targets[j] = p->joint[j].from + (p->joint[j].to - p->joint[j].from) * share;
   return follow(p, targets);
 }
 
@@ -1210,21 +1244,20 @@ const md_number *md_step(md_player *p) { return ALL_OUT(step(p)); }
 int md_begin(md_player *p, const uint32_t *figure, const md_number *measured) {
   if (figure[0] != MAGIC || figure[WORDS] != ~figure[INVERSE]) return MD_E_FIGURE; /* before all words are read */
   if (figure[JOINTS] > MD_MOST_JOINTS || sum_of(figure) != figure[CHECKSUM]) return MD_E_FIGURE;
-  memset(p, 0, sizeof *p);
+  clear(p, sizeof *p);
   p->figure = figure, p->joints = (int)figure[JOINTS], p->dt = (md_real)time_at(figure, TICK), p->tick_time = time_at(figure, TICK);
   p->tempo = p->commanded_tempo = 1.0f, p->tempo_rate = TEMPO_RATE;
-  p->ahead = p->entering = p->with = NONE, p->weight[0] = 1.0f, p->jump = -1.0f, p->phase = RUNNING;
+  p->ahead = p->entering = p->with = NONE, p->track->weight = 1.0f, p->jump = -1.0f, p->phase = RUNNING;
   p->decay = exponential((-FOLLOW / 2.0f) * (2.0f * p->dt));
-  enter_phase(p, &p->track, motion_row(figure, 0), 0.0f);
-  step_track(p, &p->track, 0, 1.0f);
-  memcpy(p->shown, p->track.now, sizeof p->shown);
-  memcpy(p->posture, p->shown, sizeof p->posture);
-  memcpy(p->before, p->shown, sizeof p->before);
+  enter_phase(p, p->track, motion_row(figure, 0), 0.0f);
+  step_track(p, p->track, 0, 1.0f);
+  show_track(p);
+  for (int j = 0; j < p->joints; j++) p->joint[j].angle[LAST] = p->joint[j].angle[BEFORE] = p->track->now[j];
   update(p);
   go_there(p);
   EnvelopeJoint *s = joints_of(p);
   for (int j = 0; j < p->joints; j++) {
-    s[j].p = measured && fabsf(IN(measured[j])) < FARTHEST ? IN(measured[j]) : p->to[j];
+    s[j].p = measured && fabsf(IN(measured[j])) < FARTHEST ? IN(measured[j]) : p->joint[j].to;
     s[j].goal = s[j].p, s[j].matched = 1.0f;
     p->safe[j] = s[j].p;
   }
@@ -1238,6 +1271,8 @@ static int stopped(const md_player *p) { return p->phase == LATCHED || (p->phase
 static void let_go_on(md_player *p) {
   if (p->phase == HELD) set_phase(p, RUNNING);
 }
+
+static int is_within(md_real x, md_real low, md_real high) { return x >= low && x <= high; }
 
 static int playable(const md_player *p, int motion) {
   if (stopped(p)) return MD_E_STOPPED;
@@ -1268,7 +1303,7 @@ int md_blend(md_player *p, int first, int second, md_number weight_of_second) {
   md_real weight = IN(weight_of_second);
   int refused = playable(p, first), other = playable(p, second);
   if (refused || other) return refused ? refused : other;
-  if (!(weight >= -0.3f && weight <= 1.3f) || first == second) return MD_E_VALUE;
+  if (!is_within(weight, -0.3f, 1.3f) || first == second) return MD_E_VALUE;
   if (!BLENDS || !motion_row(p->figure, first)->loop || !motion_row(p->figure, second)->loop || apart(p, first, second))
     return MD_E_BLEND;
   int turned = p->blended && md_playing(p) == second; /* the one that leads stays the first */
@@ -1281,7 +1316,7 @@ int md_queue(md_player *p, int motion) {
   int refused = playable(p, motion);
   if (refused) return refused;
   if (p->queued == MD_MOST_QUEUED) return MD_E_FULL;
-  finish_round(&p->track);
+  finish_round(p->track);
   p->queue[p->queued++] = (uint8_t)motion;
   return played(p);
 }
@@ -1289,7 +1324,7 @@ int md_queue(md_player *p, int motion) {
 int md_tempo(md_player *p, md_number factor, md_number within) {
   md_real tempo = IN(factor), over = IN(within);
   if (stopped(p)) return MD_E_STOPPED;
-  if (!(tempo >= -3.0f && tempo <= 3.0f && over >= 0.0f && over <= 60.0f)) return MD_E_VALUE;
+  if (!is_within(tempo, -3.0f, 3.0f) || !is_within(over, 0.0f, 60.0f)) return MD_E_VALUE;
   md_real change = fabsf(tempo - (p->paused ? 0.0f : p->tempo));
   p->commanded_tempo = tempo, p->beats.locked = 0;
   p->tempo_rate = over > 0.0f ? least(TEMPO_RATE, change / over) : TEMPO_RATE;
@@ -1299,8 +1334,8 @@ int md_tempo(md_player *p, md_number factor, md_number within) {
 int md_lock(md_player *p, md_number at, int steps) {
   md_real phase = IN(at);
   if (stopped(p)) return MD_E_STOPPED;
-  if (!(phase >= 0.0f && phase <= 1.0f && steps >= 0 && steps <= 16)) return MD_E_VALUE;
-  memset(&p->beats, 0, sizeof p->beats);
+  if (!is_within(phase, 0.0f, 1.0f) || steps < 0 || steps > 16) return MD_E_VALUE;
+  clear(&p->beats, sizeof p->beats);
   p->beats.locked = 1, p->beats.phase = phase, p->beats.steps = steps;
   return 0;
 }
@@ -1308,7 +1343,7 @@ int md_lock(md_player *p, md_number at, int steps) {
 int md_beat(md_player *p, md_number since) {
   md_real ago = IN(since);
   if (stopped(p)) return MD_E_STOPPED;
-  if (!(ago >= -2.0f && ago <= 2.0f)) return MD_E_VALUE;
+  if (!is_within(ago, -2.0f, 2.0f)) return MD_E_VALUE;
   if (!p->beats.locked) md_lock(p, OUT(0.0f), 0);
   take_beat(&p->beats, ago, p->dt);
   return 0;
@@ -1322,13 +1357,13 @@ int md_unlock(md_player *p) {
 int md_jump(md_player *p, md_number to) {
   md_real phase = IN(to);
   if (stopped(p)) return MD_E_STOPPED;
-  if (!(phase >= 0.0f && phase <= 1.0f)) return MD_E_VALUE;
+  if (!is_within(phase, 0.0f, 1.0f)) return MD_E_VALUE;
   if (p->blended) return MD_E_BLEND;
   p->jump = phase;
   return 0;
 }
 
-static void end_layers(md_player *p, uint64_t joints) {
+MD_CALLED void end_layers(md_player *p, uint64_t joints) {
   for (int k = 0; k < p->layers; k++)
     if (!joints || p->layer[k].joints == joints) p->layer[k].share.goal = 0.0f;
 }
@@ -1342,16 +1377,14 @@ int md_layer(md_player *p, uint64_t joints, int motion, md_number share_of_it, m
   }
   int refused = playable(p, motion);
   if (refused) return refused;
-  if (!(weight >= 0.0f && weight <= 1.0f && tempo >= 0.0f && tempo <= 3.0f)) return MD_E_VALUE;
+  if (!is_within(weight, 0.0f, 1.0f) || !is_within(tempo, 0.0f, 3.0f)) return MD_E_VALUE;
   const md_motion *m = motion_row(p->figure, motion);
-  md_real speed = most(m->speed, p->track.motion->speed);
-  md_real acceleration = most(m->acceleration, p->track.motion->acceleration);
+  md_bounds bounds = wider(m->bounds, p->track->motion->bounds);
   md_layer_state *latest = 0;
   for (int k = 0; k < p->layers; k++) {
     md_layer_state *l = p->layer + k;
     if (l->joints != joints || l->share.goal == 0.0f) continue;
-    speed = most(speed, l->track.motion->speed);
-    acceleration = most(acceleration, l->track.motion->acceleration);
+    bounds = wider(bounds, l->track.motion->bounds);
     latest = l;
   }
   if (latest && latest->track.motion == m && m->loop) {
@@ -1361,8 +1394,8 @@ int md_layer(md_player *p, uint64_t joints, int motion, md_number share_of_it, m
   if (p->layers == MD_MOST_LAYERS) return MD_E_FULL;
   end_layers(p, joints);
   md_layer_state *l = p->layer + p->layers++;
-  md_share share = {weight, 0.0f, 0.0f, speed, acceleration, 1e-6f};
-  l->share = share, l->joints = joints, l->tempo = l->commanded_tempo = tempo;
+  begin_share(&l->share, weight, 0.0f, bounds);
+  l->joints = joints, l->tempo = l->commanded_tempo = tempo;
   enter_phase(p, &l->track, m, 0.0f);
   return 0;
 }
@@ -1370,17 +1403,13 @@ int md_layer(md_player *p, uint64_t joints, int motion, md_number share_of_it, m
 int md_live(md_player *p, int joint, md_number place, md_number lasting) {
   md_real value = IN(place), seconds = IN(lasting);
   if (stopped(p)) return MD_E_STOPPED;
-  if (!(joint >= 0 && joint < p->joints && value >= -1.0f && value <= 1.0f && seconds >= 0.05f)) return MD_E_VALUE;
+  if (joint < 0 || joint >= p->joints || !is_within(value, -1.0f, 1.0f) || !(seconds >= 0.05f)) return MD_E_VALUE;
   const EnvelopeLimits *limits = limits_of(p->figure) + joint;
   md_live_state *l = p->live + joint;
   md_real zero = bounded(0.0f, limits->lower, limits->upper), hard = HARD * p->dt;
-  md_share share = {1.0f, 1.0f, 0.0f, limits->v / p->dt, limits->a / hard / hard, 1e-6f};
-  if (!l->active) {
-    l->active = 1, l->seen = 0, l->share = share, l->at = l->moving = l->shown_moving = 0.0f;
-  } else if (l->share.goal == 0.0f) {
-    l->at = l->shown, l->moving = l->shown_moving;
-    l->share = share;
-  }
+  md_bounds bounds = {limits->v / p->dt, limits->a / hard / hard};
+  if (!l->active || l->share.goal == 0.0f) begin_share(&l->share, 1.0f, 1.0f, bounds), l->at = l->shown, l->moving = l->shown_moving;
+  if (!l->active) l->active = 1, l->seen = 0, l->at = l->moving = l->shown_moving = 0.0f;
   l->value = zero + fabsf(value) * ((value > 0.0f ? limits->upper : limits->lower) - zero);
   l->left = ticks_within(p, seconds - SOON);
   return 0;
@@ -1421,12 +1450,12 @@ void md_heartbeat(md_player *p, md_number within) {
 /* ---- what a player tells ---- */
 
 const md_number *md_targets(const md_player *p) { return ALL_OUT(p->targets); }
-int md_playing(const md_player *p) { return motion_index(p, p->track.motion); }
+int md_playing(const md_player *p) { return motion_index(p, p->track->motion); }
 int md_going_to(const md_player *p) { return p->current ? p->going_to : md_playing(p); }
 md_number md_weight(const md_player *p, int motion) {
   for (int k = 0; BLENDS && k < p->blended; k++)
-    if (motion_index(p, p->beside[k].motion) == motion) return OUT(p->weight[k + 1]);
-  return motion != md_playing(p) ? 0 : p->blended ? OUT(p->weight[0]) : OUT(1.0f);
+    if (motion_index(p, p->track[k + 1].motion) == motion) return OUT(p->track[k + 1].weight);
+  return motion != md_playing(p) ? 0 : p->blended ? OUT(p->track->weight) : OUT(1.0f);
 }
 md_number md_phase(const md_player *p) { return OUT(phase_now(p)); }
 int md_mode(const md_player *p) {

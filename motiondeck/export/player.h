@@ -13,6 +13,13 @@
 #define MOTIONDECK_PLAYER_H
 #include <stdint.h>
 
+/* A function wants no copies of itself on a small board. */
+#ifdef __GNUC__
+#define MD_CALLED __attribute__((noinline, unused)) static
+#else
+#define MD_CALLED static
+#endif
+
 /* Numbers are floats. Where MD_FIXED is defined, there is no floating point: numbers are integers, MD_ONE for 1 (rad, s, a
    tempo or a share of 1), at most 63 of these, and player.c is compiled as C++. MD(0.5) is 0.5
    as such a number, MD_FLOAT(x) a number as a float. */
@@ -48,8 +55,8 @@ typedef float md_real, md_wide, md_time, md_number;
 #define REAL md_real
 #define CHANGED 1e-6f
 #define SQRT sqrtf
-#define CEIL ceilf
-#define FLOOR floorf
+#define CEIL rounded_up
+#define FLOOR rounded_down
 #define COPYSIGN copysignf
 #define FABS fabsf
 
@@ -83,6 +90,11 @@ enum {
 /* What the joints do: follow the motion, go slowly to where it is, are held, or are held by the emergency stop. */
 enum { MD_PLAYING, MD_APPROACHING, MD_HELD, MD_STOPPED };
 
+/* Speed, rad/s, and acceleration, 64 rad/s^2. */
+typedef struct {
+  md_real speed, acceleration;
+} md_bounds;
+
 /* One motion, as the figure has it. */
 typedef struct {
   uint32_t keys, count, frames, moving; /* offset and number of the keys, or 0; frames, of which the first `moving` move */
@@ -91,7 +103,7 @@ typedef struct {
   uint32_t searched;                    /* how many places or moments of it are weighed in a tick */
   md_real unit;                           /* of a key, rad / 6, in fixed point times 2^15 */
   md_real spacing, seconds, whole;        /* s from anchor to anchor, of a round, and until its phase is 1 */
-  md_real speed, acceleration;            /* the largest of a joint, rad/s and 64 rad/s^2 */
+  md_bounds bounds;                       /* the largest of a joint */
   md_real extent, pace;                   /* the largest way and speed of the end of a joint's bone, m and m/s */
   uint32_t name;                        /* offset in bytes among the names */
 } md_motion;
@@ -101,25 +113,41 @@ typedef struct {
   md_real duration, slowing;
 } md_fade;
 
+typedef struct {
+  md_real x, y;
+} md_vector;
+
 /* A joint in a trial, as a bone: its angle, by how much more it is turned, its length, by how much its end is away, and by
    how much that has risen. */
 typedef struct {
-  md_real angle, turn, length, away_x, away_y, rise_x, rise_y;
+  md_real angle, turn, length;
+  md_vector away, rise;
 } md_bone;
 
-/* One motion as it plays: four frames about the present moment, and the time into it. */
+/* A joint as it is shown: its angles two ticks ago, at the last one, and in this one; the difference that a fade has to run
+   out and its rate, and those of the gap to a shorter fade; what a motion that is entered is compared with; where the
+   joint has been in half a second, m; the way of the approach. */
+typedef struct {
+  md_real angle[3], value, rate, gap_value, gap_rate, entered_from, entered_reach, low, high, from, to;
+  md_bone bone;
+} md_joint;
+
+/* One motion as it plays: four frames about the present moment, of which `oldest` comes first, and the time into it. */
 typedef struct {
   const md_motion *motion;
-  md_real fraction; /* of the way from frame 1 to frame 2 */
-  md_time at, first, last; /* s into the motion, and where it has ended or gone round */
-  int forwards, backwards;
+  int forwards, backwards, oldest;
   int32_t index[4]; /* of the frames */
+  md_real fraction; /* of the way from the second frame to the third */
+  md_real weight, weight_from, weight_to, lasts; /* in a blend; how long a round lasts there, s */
+  md_time at, first, last; /* s into the motion, and where it has ended or gone round */
   md_real frame[4][MD_MOST_JOINTS], before[MD_MOST_JOINTS], now[MD_MOST_JOINTS]; /* rad */
 } md_track;
 
-/* The share that angles have in those beneath, on its way to a goal; speed and acceleration bound how fast it goes. */
+/* The share that angles have in those beneath, on its way to a goal; what bounds how fast it goes. */
 typedef struct {
-  md_real goal, share, pace, speed, acceleration, farthest;
+  md_real goal, share, pace;
+  md_bounds bounds;
+  md_real farthest;
 } md_share;
 
 /* A motion on some joints, over what else is played. */
@@ -145,58 +173,42 @@ typedef struct {
   md_real phase, period, last, before, interval; /* no period is known at 0 */
 } md_beats;
 
-/* What is not an array stands first: a small core reaches there with short instructions. */
+/* What is not an array stands first, whole numbers before all: a small core reaches there with short instructions. */
 typedef struct {
   const uint32_t *figure;
   int joints;
-  md_real dt;
-  /* The fade of the last switch, and the gap between it and a shorter one that it began as. */
-  int fading, has_gap;
-  md_fade fade;
-  md_real elapsed, gap_elapsed, onset;
-  /* The search for its duration: its trial, and the course of the motion that it considers. */
-  int found, trials, slowed, rises, hasty, moment;
-  md_fade best, candidate;
-  md_real least, last, already, bound_speed, bound_acceleration, course_tempo;
-  /* The plan: what the present switch goes to, and what waits; the phase to go to in this tick, below 0 none. */
-  int entering, going_to, current, ahead, waits, fade_of_switch, queued;
-  md_real jump, tempo, commanded_tempo, tempo_rate;
-  int paused;
+  /* The plan: what the present switch goes to, and what waits. */
+  int entering, going_to, current, ahead, waits, fade_of_switch, queued, paused;
   /* The run: emergency stop, approach, heartbeat. */
-  int phase, way, demanded, missed;
+  int phase, way, demanded, missed, within, silent; /* ticks; within 0 any */
   int32_t tick;
-  int within, silent; /* ticks; within 0 any */
-  md_real decay;      /* of a live joint in a tick */
-  /* The limits of the join, the largest of its motions, and from which use of them on the fade is replaced. */
-  int limited;
-  md_real join_speed, join_acceleration, own_speed, own_acceleration, correct_from;
-  /* What is blended in with the switch, and its weight; whether it is sought, whether weights change for it, and for whom. */
-  int with, adding, blending, blending_to;
-  md_real share;
-  /* The blend: motions beside the one that leads; whether weights change; what is wrong with the blend. */
-  int blended, crossing, problem;
-  md_real weighed, weighing, weight_pace; /* s of the change of weights, of all of it, and its pace */
-  md_real watched;                        /* s of `low` and `high`; below 0 at first */
-  /* The motion that is entered next, where it is compared with what was shown, and the best place so far. */
+  /* The fade of the last switch, whether there is a gap to a shorter one that it began as, and the search for its duration. */
+  int fading, has_gap, found, trials, slowed, rises, hasty, moment;
+  /* What is blended in with the switch; whether it is sought, whether weights change for it, and for whom. The blend: motions
+     beside the one that leads; whether weights change; what is wrong with it. Whether there are limits of a join. */
+  int with, adding, blending, blending_to, blended, crossing, problem, limited;
+  /* The motion that is entered next, and the best place so far. */
   int compared, coarse, entry, layers;
+  md_real dt, tempo, commanded_tempo, tempo_rate, jump; /* the phase to go to in this tick, below 0 none */
+  md_fade fade, best, candidate;
+  md_real elapsed, gap_elapsed, onset;
+  md_real least, last, already, course_tempo; /* of the trial, and the course of the motion that it considers */
+  md_bounds bound, join, own;                 /* of the trial; of the join, and the largest of its motions */
+  md_real correct_from;                       /* the use of the limits from which on the fade is replaced */
+  md_real share, decay;                       /* of what is blended in; of a live joint in a tick */
+  md_real weighed, weighing, weight_pace;     /* s of the change of weights, of all of it, and its pace */
+  md_real watched;                            /* s of `low` and `high`; below 0 at first */
   md_wide entry_cost, fastest, first, hardest;
   md_time tick_time, course_at, approach; /* s, s into the motion, ticks */
   md_beats beats;
   uint8_t queue[MD_MOST_QUEUED];
 
-  md_track track;
-  md_real before[MD_MOST_JOINTS], posture[MD_MOST_JOINTS], shown[MD_MOST_JOINTS]; /* the last two ticks and this one */
-  md_real value[MD_MOST_JOINTS], rate[MD_MOST_JOINTS], gap_value[MD_MOST_JOINTS], gap_rate[MD_MOST_JOINTS]; /* of fades */
-  md_real entered_from[MD_MOST_JOINTS], entered_reach[MD_MOST_JOINTS];
-  md_bone bone[MD_MOST_JOINTS];
+  md_joint joint[MD_MOST_JOINTS];
+  md_track track[MD_MOST_BLENDED];      /* the one that leads, and those that are blended in */
   md_layer_state layer[MD_MOST_LAYERS]; /* the lowest first */
   md_live_state live[MD_MOST_JOINTS];
-  md_track beside[MD_MOST_BLENDED > 1 ? MD_MOST_BLENDED - 1 : 1];
-  md_real weight[MD_MOST_BLENDED], weight_from[MD_MOST_BLENDED], weight_to[MD_MOST_BLENDED], lasts[MD_MOST_BLENDED]; /* s */
-  md_real low[MD_MOST_JOINTS], high[MD_MOST_JOINTS]; /* where joints have been in half a second, m */
-  md_real targets[MD_MOST_JOINTS], from[MD_MOST_JOINTS], to[MD_MOST_JOINTS]; /* from, to: of the approach */
-  REAL joint[MD_MOST_JOINTS][6]; /* an EnvelopeJoint each, see envelope.c */
-  md_real safe[MD_MOST_JOINTS];
+  REAL limit[MD_MOST_JOINTS][6]; /* an EnvelopeJoint each, see envelope.c */
+  md_real targets[MD_MOST_JOINTS], safe[MD_MOST_JOINTS];
   long long changed[MD_MOST_JOINTS]; /* how many targets the limits have changed */
 } md_player;
 

@@ -21,7 +21,7 @@
 const unsigned envelope_source = ENVELOPE_SOURCE; /* a checksum of this file */
 #endif
 
-#ifdef MD_FIXED
+#ifdef MD_CALLED /* a small board wants no copies of a function */
 #define SHARED MD_CALLED
 #else
 #define SHARED static
@@ -90,44 +90,44 @@ static REAL braked(REAL v, REAL a, REAL most_a, REAL j) {
 }
 
 #ifdef MD_FIXED
-static int64_t let_go(int64_t a, int32_t j, int64_t n) { return n * a - (j / 2) * n * (n - 1); }
-/* The way in n ticks that begin with a velocity and an acceleration from which j goes away in each. */
-SHARED int64_t way_in(int64_t n, int64_t v, int64_t a, int32_t j) {
+SHARED int64_t let_go(int64_t a, int32_t j, int64_t n) { return n * a - (j >> 1) * n * (n - 1); }
+/* The way in n ticks that begin with a velocity and an acceleration from which six times a sixth goes away in each. */
+SHARED int64_t way_in(int64_t n, int64_t v, int64_t a, int64_t sixth) {
   int64_t two = n * (n + 1);
-  return n * v + (two >> 1) * a - two * (n + 2) * (j / 6);
+  return n * v + (two >> 1) * a - two * (n + 2) * sixth;
 }
 
 static Run stopping_run(REAL velocity, REAL acceleration, REAL most_acceleration, REAL jerk) {
-  int32_t v = velocity.raw, a = acceleration.raw, most_a = most_acceleration.raw, j = jerk.raw, size = a < 0 ? -a : a;
+  int32_t v = velocity.raw, a = acceleration.raw, most_a = most_acceleration.raw, j = jerk.raw, sixth = (int32_t)((uint32_t)j / 6u), size = a < 0 ? -a : a;
   int64_t gone = let_go(size, j, up(size, j));
   int mirrored = v + (a < 0 ? -gone : gone) - a < 0;
   if (mirrored) v = -v, a = -a;
 
   int32_t f = down(a, j), m = f, floored = down(a + most_a, j);
-  int64_t square = (int64_t)a * a + j * (v - (f + 1) * (a - (int64_t)(j / 2) * f));
+  int64_t square = (int64_t)a * a + j * (v - (f + 1) * (a - (int64_t)(j >> 1) * f));
   int32_t curve = down(a + (square > 0 ? (int32_t)md_root((uint64_t)square) : 0), j);
   m = curve > f ? curve : f;
   m = m > floored ? floored : m;
   m = m > 0 ? m : 0;
-  int64_t run = way_in(m, v, a, j), fast = v + let_go(a, j, m) - (int64_t)j * m;
+  int64_t run = way_in(m, v, a, sixth), fast = v + let_go(a - j, j, m);
 
   int64_t over = fast - let_go(most_a, j, up(most_a, j));
   if (over >= 0) {
     int64_t q = md_quotient((uint64_t)over, (uint32_t)most_a) + 1;
-    run += q * fast - (q * (q + 1) >> 1) * most_a;
+    run += way_in(q, fast, -most_a, 0);
     fast -= q * most_a;
   }
 
   int32_t h = held_back(md_real::of((int32_t)fast), jerk).raw;
   int64_t n = up(h, j);
-  run += (n * (n - 1) >> 1) * (h - n * j) + (n - 1) * n * (n + 1) * (j / 6);
+  run += way_in(n - 1, 0, h - n * j, -sixth);
 
   int64_t dip = 0;
   if (v < 0) {
-    int32_t b = a - j / 2;
+    int32_t b = a - (j >> 1);
     int64_t turning = (int64_t)b * b + 2 * (int64_t)j * v;
     int32_t k = up(b - (turning > 0 ? (int32_t)md_root((uint64_t)turning) : 0), j) - 1;
-    dip = way_in(k, v, a, j);
+    dip = way_in(k, v, a, sixth);
   }
   REAL high = near_enough(run > 0 ? run : 0), low = near_enough(dip < 0 ? dip : 0), last = near_enough(run);
   Run there = {high, low, last}, back = {-low, -high, -last};
@@ -139,21 +139,25 @@ static REAL longest_run(REAL speed, REAL size, REAL most_a, REAL j) {
   return near_enough((int64_t)top * ((uint32_t)size.raw / jerk + top / hardest + hardest / jerk + 7u));
 }
 #else
+SHARED REAL let_go(REAL a, REAL j, REAL n) { return n * a - R(0.5) * j * n * (n - R(1.0)); }
+SHARED REAL way_in(REAL n, REAL v, REAL a, REAL j) {
+  return n * v + R(0.5) * n * (n + R(1.0)) * (a - j * (n + R(2.0)) / R(3.0));
+}
+
 static Run stopping_run(REAL v, REAL a, REAL most_a, REAL j) {
   REAL size = FABS(a), n = CEIL(size / j);
-  int mirrored = v + COPYSIGN(n * size - R(0.5) * j * n * (n - R(1.0)), a) - a < R(0.0);
+  int mirrored = v + COPYSIGN(let_go(size, j, n), a) - a < R(0.0);
   if (mirrored) v = -v, a = -a;
 
   REAL f = FLOOR(a / j), square = a * a + j * (v - (f + R(1.0)) * (a - R(0.5) * j * f));
-  REAL curve = FLOOR((a + (square > R(0.0) ? SQRT(square) : R(0.0))) / j), m = curve > f ? curve : f;
+  REAL curve = FLOOR((a + SQRT(most(square, R(0.0)))) / j), m;
   REAL floored = FLOOR((a + most_a) / j);
-  m = m > floored ? floored : m;
-  m = m > R(0.0) ? m : R(0.0);
-  REAL run = m * v + R(0.5) * m * (m + R(1.0)) * (a - j * (m + R(2.0)) / R(3.0));
+  m = most(least(most(curve, f), floored), R(0.0));
+  REAL run = way_in(m, v, a, j);
   REAL fast = v + m * a - R(0.5) * j * m * (m + R(1.0));
 
   n = CEIL(most_a / j);
-  REAL q = FLOOR((fast - (n * most_a - R(0.5) * j * n * (n - R(1.0)))) / most_a) + R(1.0);
+  REAL q = FLOOR((fast - let_go(most_a, j, n)) / most_a) + R(1.0);
   if (q > R(0.0)) {
     run += q * fast - R(0.5) * most_a * q * (q + R(1.0));
     fast -= q * most_a;
@@ -166,9 +170,9 @@ static Run stopping_run(REAL v, REAL a, REAL most_a, REAL j) {
   REAL dip = R(0.0);
   if (v < R(0.0)) {
     REAL b = a - R(0.5) * j, k = CEIL((b - SQRT(most(b * b + R(2.0) * j * v, R(0.0)))) / j) - R(1.0);
-    dip = k * v + R(0.5) * k * (k + R(1.0)) * (a - j * (k + R(2.0)) / R(3.0));
+    dip = way_in(k, v, a, j);
   }
-  REAL high = run > R(0.0) ? run : R(0.0), low = dip < R(0.0) ? dip : R(0.0);
+  REAL high = most(run, R(0.0)), low = least(dip, R(0.0));
   Run there = {high, low, run}, back = {-low, -high, -run};
   return mirrored ? back : there;
 }
@@ -230,29 +234,30 @@ static REAL limited(const EnvelopeLimits *l, const EnvelopeJoint *s, REAL goal, 
   return safe;
 }
 
+/* Moves a joint to a position, which it returns. */
+SHARED REAL moved(EnvelopeJoint *s, REAL p, REAL v, REAL a, REAL goal, REAL goal_v, REAL matched) {
+  s->p = p, s->v = v, s->a = a, s->goal = goal, s->goal_v = goal_v, s->matched = matched;
+  return p;
+}
+
 /* The safe target of a joint's tick, rad, for any target; `near` as of the twin. */
 static REAL joint_tick(const EnvelopeLimits *l, EnvelopeJoint *s, REAL target, int near) {
   REAL fastest = target - s->p, direct = fastest - s->v;
-  if ((s->matched > R(0.0) || near) && -l->j <= direct - s->a && direct - s->a <= l->j && -l->a <= direct &&
-      direct <= l->a) {
+  if ((s->matched > R(0.0) || near) && FABS(direct - s->a) <= l->j && FABS(direct) <= l->a) {
     REAL size = FABS(direct), fast = FABS(fastest), spare = size - R(0.5) * l->j;
-    REAL room = l->upper - target < target - l->lower ? l->upper - target : target - l->lower;
+    REAL room = least(target - l->lower, l->upper - target);
     if (fast + half_square(spare, l->j) <= l->v &&
         (l->way <= room || longest_run(fast, size, l->a, l->j) <= room)) {
-      EnvelopeJoint next = {target, s->v + direct, direct, target, target - s->goal, R(1.0)};
-      *s = next;
-      return target;
+      return moved(s, target, s->v + direct, direct, target, target - s->goal, R(1.0));
     }
   }
   REAL goal = -R(FARTHEST) < target && target < R(FARTHEST) ? target : s->goal;
-  goal = goal < l->lower ? l->lower : goal > l->upper ? l->upper : goal;
+  goal = bounded(goal, l->lower, l->upper);
   int passes;
   REAL goal_v = goal - s->goal, chosen = limited(l, s, goal, goal_v, near, &passes), v = s->v + chosen;
   REAL position = passes ? goal : s->p + v, lag = position - goal, away = goal_v - v - R(2.0) * lag;
-  int matched = -l->j <= lag && lag <= l->j && -l->j <= away && away <= l->j;
-  EnvelopeJoint next = {position, v, chosen, goal, goal_v, R(matched)};
-  *s = next;
-  return position;
+  int matched = FABS(lag) <= l->j && FABS(away) <= l->j;
+  return moved(s, position, v, chosen, goal, goal_v, R(matched));
 }
 
 /* One tick of all joints: safe targets, rad, for any targets; counts those that were changed. */
@@ -270,8 +275,6 @@ void envelope_brake(int joints, const EnvelopeLimits *limits, EnvelopeJoint *sta
   for (int k = 0; k < joints; k++) {
     EnvelopeJoint *s = states + k;
     REAL a = braked(s->v, s->a, limits[k].a, limits[k].j), v = s->v + a;
-    EnvelopeJoint next = {s->p + v, v, a, s->p + v, v, R(1.0)};
-    *s = next;
-    safe[k] = s->p;
+    safe[k] = moved(s, s->p + v, v, a, s->p + v, v, R(1.0));
   }
 }

@@ -1,35 +1,6 @@
 /* The C player as WebAssembly, without any library; `python docs/player_wasm.py` makes `player.wasm` of it. */
 #include "../player.c"
 
-/* Two of Halley's steps from a guess by the exponent: correct to the last bit or the one beside it. */
-float cbrtf(float x) {
-  union {
-    float value;
-    uint32_t bits;
-  } guess;
-  double root, cube, aim = fabsf(x);
-  if (aim < 1.2e-38) return 0.0f;
-  guess.value = fabsf(x);
-  guess.bits = guess.bits / 3 + 709921077u;
-  root = guess.value;
-  for (int step = 0; step < 2; step++) {
-    cube = root * root * root;
-    root *= (cube + 2.0 * aim) / (2.0 * cube + aim);
-  }
-  return copysignf((float)root, x);
-}
-
-size_t strlen(const char *text) {
-  const char *end = text;
-  while (*end) end++;
-  return (size_t)(end - text);
-}
-
-int strcmp(const char *one, const char *other) {
-  for (; *one && *one == *other; one++) other++;
-  return (unsigned char)*one - (unsigned char)*other;
-}
-
 unsigned md_size(void) { return sizeof(md_player); }
 
 /* The joints at a phase of a motion, whatever plays; they are overwritten by the next ones. */
@@ -57,20 +28,20 @@ float md_present_tempo(const md_player *p) { return p->tempo; }
 int md_queued(const md_player *p) { return p->queued; }
 int md_is_loop(const md_player *p, int motion) { return (int)motion_row(p->figure, motion)->loop; }
 /* What is left of the difference that fades, from 1 to 0. */
-float md_fade_left(const md_player *p) { return p->fading ? left_of(p->fade, p->elapsed).value : 0.0f; }
+float md_fade_left(const md_player *p) { return p->fading ? left_of(&p->fade, p->elapsed).value : 0.0f; }
 /* The phase at which the next motion will be entered, as far as is known; below 0 while none is looked for. */
 float md_entry_phase(const md_player *p) {
   const md_motion *m = motion_row(p->figure, p->entering == NONE ? 0 : p->entering);
   return p->entering == NONE ? -1.0f : (float)p->entry * m->spacing / m->whole;
 }
 /* How much phase is left of the present round. */
-float md_round_left(const md_player *p) { return (p->track.last - p->track.at) / p->track.motion->whole; }
+float md_round_left(const md_player *p) { return (p->track->last - p->track->at) / p->track->motion->whole; }
 /* The motion that is blended in, or is to be; or -1. Of one that plays, how many rounds it has gone, on its own. */
 int md_blended_with(const md_player *p) { return p->current || p->blended || p->blending ? p->with : NONE; }
 float md_rounds(const md_player *p, int motion) {
-  const md_track *t = &p->track;
-  for (int k = 0; k < p->blended; k++)
-    if (motion_index(p, p->beside[k].motion) == motion) t = p->beside + k;
+  const md_track *t = p->track;
+  for (int k = 1; k <= p->blended; k++)
+    if (motion_index(p, p->track[k].motion) == motion) t = p->track + k;
   return (float)t->at / (float)t->motion->whole;
 }
 /* Layers: how many, each one's motion and share, and the number of that of some joints which does not end; or -1. */

@@ -99,8 +99,8 @@ def test_both_do_the_same_in_a_million_random_targets(library):
     [
         ("R(8.0) * size", "R(8.5) * size"),
         pytest.param(
-            "/ j);\n  m = m > floored ? floored : m",
-            "/ j);\n  m = m > floored ? m : floored",
+            "least(most(curve, f), floored)",
+            "most(most(curve, f), floored)",
             marks=pytest.mark.thorough,
         ),
         pytest.param("l->way <= room || ", "1 || ", marks=pytest.mark.thorough),
