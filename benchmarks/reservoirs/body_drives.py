@@ -12,6 +12,8 @@ that it was at, carried to the recording that a way names by dynamic time warpin
 - *conceptors*: one reservoir that the points drive; the evidence of a motion is the state's distance from the space of
   its conceptor, and each motion reads the body for itself. *W = 0*: without recurrence and time constant. *C = 1*: one
   readout for all motions, which also says which motion it is.
+- *completion*: a reservoir that the points drive, as the deck has it (`controller/deck/person_body.py`). *filter and
+  completion*: their mean, by the deck's weight, which is what the deck goes by.
 - *ridge*: of the points of the last 0.4 s. *clip complete*: the product's command, on the whole stream as a file, so
   that it sees 0.4 s ahead as well (`controller/learning/completion.py`).
 - *GRU*: 64 units, trained until its loss on held-out parts no longer falls.
@@ -46,16 +48,18 @@ from threadpoolctl import threadpool_limits
 
 from benchmarks import command
 from benchmarks.reservoirs.measured_joints import WALKS
+from controller.deck.person_body import PersonBody, body_rows
 from controller.deck.person_follower import ARM
 from controller.deck.phase_filter import MOVED, PAST, PLACE, RATE, UP, PhaseFilter
 from controller.learning.completion import complete_body, complete_joints
+from controller.learning.reservoirs.completion_training import learn_completion
 from controller.motion.canonical.canonical_body import carried, to_canonical
 from controller.motion.canonical.clip_edits import resampled
 from controller.motion.clip import Clip, Markers, between_rows, poses_of
 from controller.motion.encodings.joint_angles import angles_of as joint_angles
 from controller.motion.formats.reading import read_clip
 from controller.motion.formats.taught_clip import taught_clip
-from controller.motion.rotations import Array
+from controller.motion.rotations import Array, normalise
 from controller.networks.reservoirs.reservoir import drive, random_reservoir
 from motiondeck_base.shipped import find_robot
 from sim.robots.robot import load_robot
@@ -404,6 +408,21 @@ def by_completion(known: Sequence[Recorded], points: Sequence[int], stream: Stre
     return {"clip complete": Told(whole.joints(), np.full(len(whole), -1))}
 
 
+def by_person(
+    known: Sequence[Recorded], labels: Sequence[str], points: Sequence[int], stream: Stream, filtered: Told
+) -> dict[str, Told]:
+    """The product's completion as the points arrive, and its mean with the filter's body."""
+    body, joints = known[0].clip.skeleton, filtered.joints.copy()
+    courses = [(one.joints[:, points], body_rows(body, one.joints, _heading(one.joints))) for one in known]
+    person = PersonBody(labels, courses, learn_completion)
+    for step, measured in enumerate(stream.measured):
+        if (rows := person.step(measured)) is not None:
+            ends = body.chain @ (normalise(rows[2:]) * body.length[:, None])
+            joints[step] = rows[1] + np.concatenate([np.zeros((1, 3)), ends])
+    mean = person.weight * joints + (1.0 - person.weight) * filtered.joints
+    return {"completion": Told(joints, filtered.motion), "filter and completion": Told(mean, filtered.motion)}
+
+
 def by_oracle(known: Sequence[Recorded], points: Sequence[int], stream: Stream) -> dict[str, Told]:
     """The nearest points, undisturbed, since the last change, of which it is told."""
     steps = len(stream.joints)
@@ -614,6 +633,7 @@ def main(
             for name, one in by_conceptors(learned, stream, motions, recurrent=False, seed=seed).items():
                 told["W = 0" if name == "conceptors" else "W = 0, C = 1"] = one
             told |= by_window(learned, stream, motions) | by_completion(known, seen, stream)
+            told |= by_person(known, POINTS[points], seen, stream, told["filter"])
             told |= by_oracle(known, seen, stream)
             if gru:
                 told |= (found := by_gru(learned, stream, motions, seed))[0]

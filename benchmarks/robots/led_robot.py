@@ -1,4 +1,4 @@
-"""Strangers lead a robot by head and hands: walk, stop, go back, hurry.
+"""Strangers lead a robot by head and hands, or six points: walk, stop, hurry.
 
 People who were not learned walk (CMU), stop, go back, hurry and are gone. Each recording is carried to the library's
 body and goes on by its last stride where it ends. It is measured as `motiondeck stage` measures trackers: 30 times a
@@ -8,11 +8,12 @@ relative to the hips and their heading, mm (mean), beside the same deck by the c
 and the largest second difference of the targets behind the safety envelope, beside the same deck by the clock.
 `--film` draws the first person and the robot.
 
-    python -m benchmarks led_robot --data DIR [--film FILE.gif] [--frames DIR]
+    python -m benchmarks led_robot --data DIR [--points six] [--film FILE.gif] [--frames DIR]
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -24,6 +25,7 @@ from benchmarks import command
 from benchmarks.reservoirs.body_drives import in_frame
 from controller.deck.deck import Deck
 from controller.deck.person_follower import PersonFollower
+from controller.learning.reservoirs.completion_training import learn_completion
 from controller.library.motion_library import MotionLibrary, load_library
 from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.motion.canonical.canonical_body import carried
@@ -37,7 +39,7 @@ from sim.robots.robot import Robot, load_robot
 
 DT, EVERY, SIZE = 1.0 / 120.0, 4, 480
 WALKS = ("07_01", "08_01", "35_01", "02_01")
-POINTS = ("head", "lhan", "rhan")
+POINTS = {"three": ("head", "lhan", "rhan"), "six": ("head", "lhan", "rhan", "root", "lank", "rank")}
 STRETCHES = (
     ("walks", 1.5, 1.0),
     ("stops", 1.2, 0.0),
@@ -78,12 +80,12 @@ def own_frame(joints: Array) -> Array:
 class Run:
     """What a person and the deck did, tick by tick."""
 
-    def __init__(self, library: MotionLibrary, robot: Robot, walk: Path, *, led: bool) -> None:
+    def __init__(self, library: MotionLibrary, robot: Robot, walk: Path, points: Sequence[str], *, led: bool) -> None:
         skeleton, rng = library.encoding.skeleton, np.random.default_rng(51)
         clip = carried(resampled(read_clip(walk), 1.0 / DT), skeleton)
-        person, own = going_on(clip.joints(), 400), [1 + skeleton.bones.index(point) for point in POINTS]
+        person, own = going_on(clip.joints(), 400), [("root", *skeleton.bones).index(point) for point in points]
         deck = Deck(library, robot.retarget, "walk")
-        follower = PersonFollower(library, POINTS)
+        follower = PersonFollower(library, points, learn=learn_completion)
         if led:
             deck.lock("person")
         envelope = SafetyEnvelope(robot.limits, DT)
@@ -103,11 +105,11 @@ class Run:
                     silent = tick * DT % 1.0 > 0.9
                     seen = {
                         point: tuple(now[joint] + 0.02 * rng.standard_normal(3))
-                        for point, joint in zip(POINTS, own, strict=True)
+                        for point, joint in zip(points, own, strict=True)
                         if not silent and rng.random() >= 0.2
                     }
                     if (place := follower.step(seen)) is not None and seen:
-                        deck.follow(*place)
+                        deck.follow(*place, body=follower.body)
                 targets, pose = deck.update(DT)
                 safe = envelope(targets)
                 robot.place(safe, pose, qpos)
@@ -129,7 +131,7 @@ class Run:
         return float(np.abs(np.diff(np.array(self.targets), 2, axis=0)).max()) / DT**2
 
 
-def film(robot: Robot, run: Run, skeleton: Skeleton, fps: float) -> list[Image.Image]:
+def film(robot: Robot, run: Run, skeleton: Skeleton, points: Sequence[str], fps: float) -> list[Image.Image]:
     """The person as lines, with the three points, and the robot."""
     pictures: list[Image.Image] = []
     ahead = run.person[-1][0, :2] - run.person[0][0, :2]
@@ -143,7 +145,7 @@ def film(robot: Robot, run: Run, skeleton: Skeleton, fps: float) -> list[Image.I
             for bone, parent in enumerate(skeleton.parent.tolist()):
                 pen.line([flat[1 + parent], flat[1 + bone]], fill="black", width=4)
             gone = run.stretch[tick] == "is gone"
-            for point in POINTS:
+            for point in points:
                 x, y = flat[1 + skeleton.bones.index(point)]
                 pen.ellipse([x - 8, y - 8, x + 8, y + 8], fill="gray" if gone else "red")
             picture.paste(Image.fromarray(screen.draw(run.qpos[tick], cut=True)), (SIZE, 0))
@@ -156,6 +158,7 @@ def film(robot: Robot, run: Run, skeleton: Skeleton, fps: float) -> list[Image.I
 
 def main(
     data: Annotated[Path, typer.Option(help="The folder with the recordings.")],
+    points: Annotated[str, typer.Option(help="three (head, hands) or six (also hips, feet).")] = "three",
     film_file: Annotated[Path | None, typer.Option("--film", help="Draw the first, as .gif or .webp.")] = None,
     frames: Annotated[Path | None, typer.Option(help="Write every fifth picture as a PNG here as well.")] = None,
 ) -> None:
@@ -166,7 +169,7 @@ def main(
     for walk in WALKS:
         path = data / "cmu" / walk[:2] / f"{walk}.amc"
         robot = load_robot(find_robot("servo20"), library.skeleton, dt=DT)
-        led, free = (Run(library, robot, path, led=led) for led in (True, False))
+        led, free = (Run(library, robot, path, POINTS[points], led=led) for led in (True, False))
         stretch, cells = np.array(led.stretch), []
         for name in names:
             own = stretch == name
@@ -174,7 +177,7 @@ def main(
             cells.append(f"{mm}{np.array(led.tempo)[own][-1]:.2f}")
         print(f"| {walk} | {' | '.join(cells)} | {led.change():.0f}, {free.change():.0f} |", flush=True)
         if film_file is not None and walk == WALKS[0]:
-            pictures = film(robot, led, library.encoding.skeleton, 10.0)
+            pictures = film(robot, led, library.encoding.skeleton, POINTS[points], 10.0)
             pictures[0].save(film_file, save_all=True, append_images=pictures[1:], duration=100, loop=0)
             if frames is not None:
                 frames.mkdir(parents=True, exist_ok=True)

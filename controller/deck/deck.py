@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from controller.deck.interfaces import Retargeter
 from controller.deck.layers import OFF, Layers
 from controller.deck.lockable import Lockable
+from controller.deck.locks.led_body import LedBody
 from controller.deck.locks.phase_lock import LoopPlace, Person
 from controller.deck.performance import Joining, Performance
 from controller.deck.routes import Routes
@@ -66,6 +67,10 @@ class Deck(Lockable):
         self.layers: Layers | None = None  # over what it plays, where the run names groups of joints
         self._jump: float | None = None  # the phase to go to in the next update
         self._entry: float | None = None  # the phase at which a switch begins in it, where a person is
+        # What is shown beside the motions, once a person's body leads.
+        self._led = LedBody(
+            library.encoding.skeleton, max(one.acceleration for one in self.performance.motions.values())
+        )
         self.time = 0.0  # s since the start, summed over updates
         super().__init__()
         self.pose = self.performance.pose
@@ -251,16 +256,20 @@ class Deck(Lockable):
         text = ", ".join(f"{group}: {motion}" for group, motion in self.layered.items()) or "no layers"
         self.events.append(Event("layer", text, self.motion, self.time))
 
-    def follow(self, motion: str, phase: float, tempo: float = 1.0, ago: float = 0.0) -> None:
+    def follow(
+        self, motion: str, phase: float, tempo: float = 1.0, ago: float = 0.0, body: Sequence[float] = ()
+    ) -> None:
         """Goes where a person was `ago` seconds ago, if the deck is locked to them: to that motion, and in step.
 
-        CommandError if a number is out of its range. UnknownNameError if there is no such motion.
+        Their body, as of `PersonFollower.body`, has its share in what is shown. CommandError if a number is out of its
+        range. UnknownNameError if there is no such motion. MotiondeckError for the body of another skeleton.
         """
         self._check(motion)
         for number, value in ((PHASE, phase), (TEMPO, tempo), (AGO, ago)):
             number.check(value)
+        self._led.check(body)
         if isinstance(person := self._source, Person):
-            person.see(self._clock() - ago, motion, phase, tempo)
+            person.see(self._clock() - ago, motion, phase, tempo, body)
             if motion != self.motion:
                 self.switch(motion, direct=True)
                 self._entry = phase
@@ -301,7 +310,9 @@ class Deck(Lockable):
         elif self._jump is not None:
             playing.jump(self._jump)
             self._jump = None
-        self.pose = playing.finish_tick()
+        person = None if self.paused else self._source
+        body = person.body(self._clock()) if isinstance(person, Person) else ()
+        self.pose = self._led.shown(playing.finish_tick(), body, dt)
         targets = self._retarget(self.pose)
         if self.layers is not None and self.layers.active:
             settled = self.settled and not playing.tracks.crossing

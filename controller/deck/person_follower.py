@@ -10,11 +10,12 @@ import numpy as np
 
 from controller.deck.joins.deck_motions import Motion, read_motions
 from controller.deck.motion_generator import MotionGenerator
+from controller.deck.person_body import Learn, PersonBody, body_rows, paired
 from controller.deck.phase_filter import RATE, PhaseFilter
 from controller.library.motion_library import MotionLibrary
 from controller.motion.clip import FARTHEST
 from controller.motion.encodings.joint_angles import angles_of
-from controller.motion.rotations import Array
+from controller.motion.rotations import Array, rotate, yaw
 from controller.motion.skeleton import walk_path
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
 
@@ -27,10 +28,14 @@ FOR_STEPS = 6  # and for how many steps in a row
 class PersonFollower:
     """Follows named points, joints of the library's body or `root`, of a person of some height, m; or a rig's joints.
 
+    What learns completes the person's body, where some points are left and right of each other; `body` has it.
+
     UnknownNameError for a point that the body lacks. MotiondeckError for a network without a phase, or a wrong height.
     """
 
-    def __init__(self, library: MotionLibrary, points: Sequence[str], height: float | None = None) -> None:
+    def __init__(
+        self, library: MotionLibrary, points: Sequence[str], height: float | None = None, learn: Learn | None = None
+    ) -> None:
         skeleton = library.encoding.skeleton
         own = UnknownNameError.indices("point", points, (ROOT, *skeleton.bones))
         if library.network.as_phase_network is None:
@@ -46,6 +51,12 @@ class PersonFollower:
         self._steps = [len(turns) // (3 if loop else 1) for (_, turns), loop in zip(bodies, loops, strict=True)]
         self._filter = PhaseFilter([body[:, own] for body, _ in bodies], [heading for _, heading in bodies], loops)
         self._motions, self._points = motions, tuple(points)
+        self.body: tuple[float, ...] = ()  # as of the last step, for `Deck.follow`; nothing if it is not known
+        self._body: PersonBody | None = None
+        if learn is not None and paired(points) and not skeleton.is_rig:
+            rounds = [(joints[:n], turn[:n]) for (joints, turn), n in zip(bodies, self._steps, strict=True)]
+            courses = [(joints[:, own], body_rows(skeleton, joints, turn)) for joints, turn in rounds]
+            self._body = PersonBody(points, courses, learn)
         self._shown, self._other = -1, 0  # the motion that counts, and the steps for which another is sure
         self._near: float | None = None  # the frame that is expected next
 
@@ -57,6 +68,12 @@ class PersonFollower:
         measured = np.array([seen.get(point, (np.nan,) * 3) for point in self._points], dtype=float)
         measured[~(np.abs(measured) < FARTHEST)] = np.nan
         self._filter.step(measured * self._scale)
+        if self._body is not None:
+            self.body = ()
+            if (rows := self._body.step(measured * self._scale)) is not None:
+                rows[1, :2] = 0.0
+                own = rotate(yaw(-np.arctan2(rows[0, 1], rows[0, 0])), rows[1:])
+                self.body = self._body.weight, *own.round(3).ravel().tolist()
         best = self._filter.place()
         sure = best.motion != self._shown and best.evidence >= SURE
         self._other = self._other + 1 if sure else 0

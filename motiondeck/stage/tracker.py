@@ -62,7 +62,7 @@ class TrackerInput(LoopbackPort):
             place = self._follower.step({} if left else self._seen(now))
         if place is not None:
             motion, phase, tempo = place
-            yield Signal(now, "tracker", FollowPerson(motion, phase, tempo))
+            yield Signal(now, "tracker", FollowPerson(motion, phase, tempo, body=self._follower.body))
 
     def _seen(self, now: float) -> dict[str, Sequence[float]]:
         return {name: place for name, (at, place) in self._points.items() if now - at <= SEEN_FOR}

@@ -1,7 +1,7 @@
 """A phase lock: steers the tempo to keep step with a reference that turns: a beat, another deck, or a person."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -161,10 +161,15 @@ class Person:
 
     def __init__(self) -> None:
         self._motion, self._phase, self._tempo, self._time = "", 0.0, 1.0, -math.inf
+        self._body: Sequence[float] = ()
 
-    def see(self, time: float, motion: str, phase: float, tempo: float) -> None:
-        """Takes the place in a motion, and the tempo, at a time of this deck's clock, s."""
-        self._motion, self._phase, self._tempo, self._time = motion, phase, tempo, time
+    def see(self, time: float, motion: str, phase: float, tempo: float, body: Sequence[float] = ()) -> None:
+        """Takes the place in a motion, the tempo, and perhaps the body, at a time of this deck's clock, s."""
+        self._motion, self._phase, self._tempo, self._time, self._body = motion, phase, tempo, time, body
+
+    def body(self, time: float) -> Sequence[float]:
+        """The person's body, or nothing while they were not seen for LET_GO_AFTER."""
+        return self._body if time - self._time <= LET_GO_AFTER else ()
 
     def reference(self, playhead: LoopPlace) -> Reference | None:
         """The person's phase now; None while they do something else, or were not seen for LET_GO_AFTER."""

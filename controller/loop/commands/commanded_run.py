@@ -114,8 +114,8 @@ class CommandedRun:
                 self._deck.beat(ago)
             case commands.LockPhase(source=source, phase=phase, steps=steps):
                 self._deck.lock(source, phase, steps)
-            case commands.FollowPerson(to=to, phase=phase, tempo=tempo, ago=ago):
-                self._deck.follow(to, phase, tempo, ago)
+            case commands.FollowPerson(to=to, phase=phase, tempo=tempo, ago=ago, body=body):
+                self._deck.follow(to, phase, tempo, ago, body)
             case commands.Unlock():
                 self._deck.unlock()
             case commands.Pause():

@@ -128,6 +128,7 @@ class FollowPerson(CommandMessage, frozen=True, tag="follow"):
     phase: Annotated[float, arg.PHASE]
     tempo: Annotated[float, arg.TEMPO] = 1.0
     ago: Annotated[float, arg.AGO] = 0.0
+    body: tuple[float, ...] = ()  # as of `Deck.follow`
 
 
 class Unlock(CommandMessage, frozen=True, tag="unlock"):

@@ -54,6 +54,7 @@ def stage(
     Examples:  motiondeck stage osc      motiondeck stage show.toml
     """
     from controller.deck.person_follower import PersonFollower
+    from controller.learning.reservoirs.completion_training import learn_completion
     from controller.library.motion_library import load_library
     from motiondeck.stage.bridge import Bridge
     from motiondeck.stage.midi import MidiGoneError, MidiInput, open_midi_port
@@ -89,7 +90,7 @@ def stage(
                 library = load_library(find_library(tracker.library))
                 if unknown := ", ".join(motion for motion in library.network.motions if motion not in motions):
                     raise FileFormatError(f"{path}: library in [tracker] has motions that the deck lacks: {unknown}.")
-                follower = PersonFollower(library, tracker.points, tracker.height)
+                follower = PersonFollower(library, tracker.points, tracker.height, learn_completion)
                 heard = TrackerInput(tracker.listen, follower, tracker.names, tell)
                 inputs.append(opened.enter_context(closing(heard)))
             target = mapped.osc.target
