@@ -117,9 +117,8 @@ class Layers:
         peaks = [joint_peaks(one, self._library.skeleton) for one in involved]
         speed, acceleration = (max(values) for values in zip(*peaks, strict=True))
         self._end(group)
-        joints = self.groups[group]
         peak = {"speed": speed, "acceleration": acceleration}
-        self._voices.append(Voice(group, joints, track, self._twin(), tempo, tempo, goal=weight, **peak))
+        self._voices.append(Voice(group, self.groups[group], track, self._twin(), tempo, tempo, goal=weight, **peak))
 
     def __call__(self, targets: Array, dt: float, tempo: float, *, settled: bool, still: bool = False) -> Array:
         """Targets (J,), rad, dt seconds later at a tempo, with the layers.

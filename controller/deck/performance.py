@@ -271,7 +271,6 @@ class Performance:
         return int(self._entry_costs(motion, before, now, slice(None)).argmin())
 
     def _entry_costs(self, motion: str, before: Posture, now: Posture, anchors: NDArray[np.intp] | slice) -> Array:
-        """How little each of these anchors resembles the body."""
         entering, place = self.motions[motion], self._joints(now)
         velocity = (place - self._joints(before)) / self._dt
         return entry_costs(place, velocity, entering.places[anchors], entering.velocities[anchors], VELOCITY_REACH)

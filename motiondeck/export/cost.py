@@ -35,9 +35,7 @@ def cost_on(figure: Figure, board: str) -> dict[str, int]:
     if networks := [len(one.form) for one in held.keys.values() if isinstance(one, BoardNetwork)]:
         code, worst = code + _NETWORKS, max(worst, base // 2 + satellite * max(networks))
     flash, has = code + len(figure.words), [float(one) if one.isdecimal() else 0.0 for one in given]
-    needs = (1e-6 * worst * figure.rate, "MHz"), (1e-3 * ram, "kB of RAM"), (1e-3 * flash, "kB of flash")
-    if short := [
-        f"{need:.3g} {unit} of {most:g}" for (need, unit), most in zip(needs, has, strict=False) if need > most
-    ]:
+    uses = (1e-6 * worst * figure.rate, "MHz"), (1e-3 * ram, "kB of RAM"), (1e-3 * flash, "kB of flash")
+    if short := [f"{use:.3g} {unit} of {most:g}" for (use, unit), most in zip(uses, has, strict=False) if use > most]:
         raise MotiondeckError(f"{board}: at worst it takes {', '.join(short)}; take fewer motions or another board")
     return {"flash": flash, "ram": ram, "instructions": worst, "layer": layer * joints}

@@ -195,9 +195,8 @@ def limit_rows(limits: JointLimits, dt: float, *, fixed: bool) -> bytes:
     """Rows of `EnvelopeLimits`, less what 32-bit positions are rounded by, so that these keep the limits too."""
     far = np.maximum(np.abs(limits.lower), np.abs(limits.upper))
     rounding = np.full(len(far), 4 * UNIT) if fixed else np.spacing(far.astype(np.float32)).astype(float)
-    v, a, j = limits.velocity * dt - rounding, limits.acceleration * dt**2 - 2 * rounding, limits.jerk * dt**3
-    j -= 4 * rounding
-    inset = 2e-6 + 2.0 * rounding
+    v, a = limits.velocity * dt - rounding, limits.acceleration * dt**2 - 2 * rounding
+    j, inset = limits.jerk * dt**3 - 4 * rounding, 2e-6 + 2.0 * rounding
     if fixed:  # a jerk that 6 divides; an acceleration that takes more than 2 sqrt(j) is never reached
         v, j, inset = np.minimum(v, 1.0), 6 * UNIT * np.floor(np.minimum(j, 2.0) / (6 * UNIT)), np.full(len(far), 4e-5)
         a = np.minimum(a, 2.0 * np.sqrt(np.maximum(j, 0.0)))

@@ -30,11 +30,10 @@ CARRIED = 0.4531  # rounds to a number of anchors; the usual tempos do not come 
 
 
 class _Search(FadeSearch):
-    stalled, searched = False, 0
-    _spare = 0
+    searched = _spare = 0
 
     def advance(self, dt: float) -> Fade:
-        self._spare += 0 if self.stalled else self.searched
+        self._spare += self.searched
         return super().advance(dt)
 
     def _due(self) -> bool:
@@ -55,8 +54,7 @@ class _Performance(Performance):
 
     def step(self, dt: float, tempo: float) -> bool:
         if isinstance(self._search, _Search):
-            self._search.stalled = self.entering is not None
-            self._search.searched = (self._searched(self.motion.name) + 2) // 2
+            self._search.searched = 0 if self.entering else (self._searched(self.motion.name) + 2) // 2
         completed = super().step(dt, tempo)
         if self.blend_problem and self.entering is not None:
             self._fall_back(max(weights := self.tracks.weights, key=weights.__getitem__))

@@ -26,13 +26,12 @@ class LoopPlace:
 
 Steering = tuple[float, float | None]  # the tempo that a lock asks for, and the phase of a jump if the error is large
 MOST, LINEAR = 1.0, 0.08  # corrections of the tempo: at most this much; in proportion to errors up to this, s
-_TIE = 1.3e-4  # times a modulus; by so much a phase is no round part of it, and rounding does not choose the way
 _SHARE = 0.8  # of the rate of the tempo, that braking uses; the rest is left for what the reference itself does
 
 
 def wrapped(phase: float, modulus: float = 1.0) -> float:
-    """The same phase in [-modulus / 2, modulus / 2), but for _TIE: what lies half of it off is ahead."""
-    return phase - modulus * math.floor(phase / modulus + 0.5 - _TIE)
+    """The same phase within half a modulus; one that lies so far off is ahead, and rounding does not choose the way."""
+    return phase - modulus * math.floor(phase / modulus + 0.49987)
 
 
 def correction(error: float, rate: float) -> float:
@@ -178,9 +177,8 @@ class Person:
             return None
         rate = self._tempo / playhead.seconds
         phase = self._phase + rate * since
-        return Reference(
-            phase if playhead.loop else min(max(phase, 0.0), _LAST), rate, once=not playhead.loop, turns_back=True
-        )
+        phase = phase if playhead.loop else min(max(phase, 0.0), _LAST)
+        return Reference(phase, rate, once=not playhead.loop, turns_back=True)
 
 
 class PhaseLock:

@@ -128,6 +128,36 @@ def test_half_a_beat_off_the_way_round_is_not_left_to_rounding(phase):
     assert np.abs(ours.safe - deck.safe).max() < 1e-3
 
 
+def test_a_chain_of_blends_never_plays_more_motions_than_the_deck():
+    library, script = joint_library(JOINTS, 0, loops=8, shots=1), [(20, commands.Switch(to="loop1"))]
+    for number, tick in enumerate(range(220, 340, 20), 1):
+        script.append((tick, commands.Blend(first=f"loop{number}", second=f"loop{number + 1}", weight=0.5)))
+    one = wide(figure_of(library, [f"joint{k}" for k in range(JOINTS)], LIMITS, 0.0 * ONES, 100.0))
+    ours, deck = (plays(one, script, 500, 0.0 * ONES) for plays in (player().trace, deck_plays))
+    assert np.abs(ours.safe - deck.safe).max() < 1e-3
+
+
+def test_numbers_out_of_their_range_are_refused_and_change_nothing():
+    wrong = [
+        *(commands.Blend(first="loop1", second="loop2", weight=weight) for weight in (-0.31, 1.31)),
+        *(commands.SetTempo(factor=factor, over=over) for factor, over in ((-3.01, 0.0), (3.01, 0.0), (1.0, 60.1))),
+        *(commands.Jump(phase=phase) for phase in (-0.01, 1.01)),
+        *(commands.LockPhase(source="beat", phase=phase, steps=steps) for phase, steps in ((-0.01, 0), (0.5, 17))),
+        *(commands.GiveBeat(ago=ago) for ago in (-2.01, 2.01)),
+        *(
+            commands.Layer(group="half", to="loop1", weight=w, tempo=t)
+            for w, t in ((-0.01, 1.0), (1.01, 1.0), (0.5, 3.01))
+        ),
+        *(
+            commands.SetInput(name="joint1", value=value, seconds=s)
+            for value, s in ((-1.01, 1.0), (1.01, 1.0), (0.5, 0.04))
+        ),
+    ]
+    ours = player().trace(wide(figure()), [(50, one) for one in wrong], 120)
+    assert ours.accepted == [False] * len(wrong)
+    assert np.array_equal(ours.safe, player().trace(wide(figure()), [], 120).safe)
+
+
 def test_a_blend_that_is_given_up_goes_on_as_in_the_deck(tmp_path, monkeypatch):
     """No motion of the tests stands still in a blend, so here one that moves less than three times as far does."""
     for source in PLAYER:

@@ -24,7 +24,7 @@ from controller.motion.encodings.robot_joints import RobotJoints
 from controller.networks.centralized.centers import pairs_at
 from controller.networks.clip.network import ClipPlayer
 from controller.networks.keys import Keys
-from controller.wire.messages.commands import EmergencyStop, Jump, Pause, Queue, Reset, Resume, SetTempo, Switch
+from controller.wire.messages.commands import Blend, EmergencyStop, Jump, Pause, Queue, Reset, Resume, SetTempo, Switch
 from joint_libraries import centralized_library
 from motiondeck.export.golden import deck_trace
 from motiondeck.export.source import open_figure
@@ -253,12 +253,14 @@ def test_a_scripted_minute_is_that_of_the_deck(exported, open_page):
     for tick in np.sort(rng.choice(np.arange(50, 5800), 30, replace=False)).tolist():
         motion, tempo = int(rng.integers(3)), float(np.float32(rng.uniform(-1.0, 2.0)))
         phase, direct = float(np.float32(rng.random())), bool(rng.random() < 0.3)
-        name = [*LENGTHS][motion]
+        name, other = [*LENGTHS][motion], int(rng.integers(3))
+        weight = float(np.float32(rng.uniform(-0.3, 1.3)))
         choices = [
             [("switch", Switch(name, direct), motion, direct)],
             [("queue", Queue(name), motion)],
             [("tempo", SetTempo(tempo), tempo)],
             [("jump", Jump(phase), phase)],
+            [("blend", Blend(name, [*LENGTHS][other], weight), motion, other, weight)],
             [("pause", Pause()), ("resume", Resume())],
             [("stop", EmergencyStop()), ("reset", Reset()), ("resume", Resume())],
         ]
