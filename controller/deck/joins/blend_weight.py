@@ -25,7 +25,7 @@ from controller.networks.centralized.centralized import Passage
 
 # The longest time between two moments at which a mixture is computed, s, and the fewest of them.
 _STEP, _FEWEST = 0.025, 16
-SUMMED = 1e-9  # s, the rounding error of a sum of many ticks
+SUMMED = 1e-5  # s, the rounding error of a sum of many ticks, also of 32 bits in an exported player
 _LONGER = 1.1  # by which factor the time grows at least
 
 
