@@ -30,6 +30,7 @@ class LedBody:
         self._reach = np.pad(skeleton.chain * skeleton.length, ((1, 0), (1, 0)))
         self._reach[:, 0] = 1.0
         self._left, self._rate = np.zeros((2, len(skeleton) + 1, 3))
+        self._rests = True  # whether nothing of a person is left
 
     def check(self, body: Sequence[float]) -> None:
         """Checks a body: a weight, then the place of the root and the bones' directions, or nothing.
@@ -43,9 +44,9 @@ class LedBody:
 
     def shown(self, pose: Pose, body: Sequence[float], dt: float) -> Pose:
         """The pose that is shown where the motion has this one dt seconds later."""
-        goal = np.zeros_like(self._left)
-        if not body and max(np.abs(self._left).max(), np.abs(self._rate).max()) < _NONE:
+        if not body and self._rests:
             return pose
+        goal = np.zeros_like(self._left)
         own = rotate(pose.rotation[1:], self._skeleton.rest_direction)
         if body:
             rows = np.array(body[1:]).reshape(-1, 3)
@@ -56,6 +57,7 @@ class LedBody:
         pace = min(PACE, (self._hardest / max(np.linalg.norm(self._reach @ off, axis=1).max(), 1e-9)) ** 0.5)
         self._rate += dt * pace * (pace * off - 2.0 * self._rate)
         self._left += dt * self._rate
+        self._rests = not body and max(np.abs(self._left).max(), np.abs(self._rate).max()) < _NONE
         bones, first = normalise(own + self._left[1:]), self._skeleton.first
         root = best_fit(bones[first].T @ own[first])
         turns = np.concatenate([root[None], between(own, bones)])
