@@ -32,6 +32,11 @@ def test_a_key_that_the_focused_control_uses_is_no_shortcut_and_escape_always_st
         try:
             tab.goto(f"{page.address}/?view=inspect&fixedDpr=0.1")
             tab.locator(".motion").last.wait_for()
+            tab.locator(".motion[data-key='jog'] .play").click()
+            until(lambda: heard, "the click")
+            tab.keyboard.press("Space")  # a button that was clicked keeps no focus
+            until(lambda: len(heard) == 2, "the pause")
+            assert [type(one) for one in heard] == [Switch, Pause]
             for folder in ("layer", "view"):
                 tab.get_by_text(folder, exact=True).click()
             tab.evaluate(

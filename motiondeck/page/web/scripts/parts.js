@@ -76,8 +76,11 @@ window.motiondeck ??= (() => {
   addEventListener("keydown", leave, true);
 
   // viser takes what passes the body for a shortcut: a key that presses the button with the focus is none.
-  const presses = ({ target, key }) => [" ", "Enter"].includes(key) && target.closest?.('button, summary, [role="button"]');
+  const button = (target) => target.closest?.('button, summary, [role="button"]');
+  const presses = ({ target, key }) => [" ", "Enter"].includes(key) && button(target);
   document.body.addEventListener("keydown", (event) => presses(event) && event.stopPropagation());
+  // A button that a pointer has pressed keeps no focus: the next key is a shortcut, and not its own.
+  addEventListener("click", ({ target, detail }) => detail > 0 && button(target)?.blur());
 
   setInterval(draw, 100);
   return { part: (kind, how) => (kinds[kind] = how), child, write, escape };
