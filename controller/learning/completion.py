@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
+from controller.deck.person_body import paired
 from controller.motion.canonical.actors import actors_of, nearest_to_all
 from controller.motion.canonical.canonical_body import carried, to_canonical
 from controller.motion.canonical.clip_edits import resampled
@@ -65,12 +66,11 @@ def complete_body(points: Markers, labels: Sequence[str], known: Sequence[Clip],
     """
     own = UnknownNameError.indices("point", labels, ("root", *body.bones))
     given = points.position[:, UnknownNameError.indices("point", labels, points.labels)].swapaxes(0, 1)
-    ends = [label[1:] for label in labels if label[0] == "l" and "r" + label[1:] in labels]
-    if not ends:
+    if not (pairs := paired(labels)):
         raise MotiondeckError(f"{points.source}: give a point with its twin on the right, such as lhan and rhan")
     if unseen := [label for label, place in zip(labels, given, strict=True) if np.isnan(place).all()]:
         raise MotiondeckError(f"{points.source}: {unseen[0]} is never seen. Name the other points in --from.")
-    right, left = ([labels.index(side + end) for end in ends] for side in "rl")
+    right, left = map(list, zip(*pairs, strict=True))
 
     def windows(place: Array, rate: float) -> tuple[Array, Array, Array]:
         """Those of points (T, K, 3), and origins (T, 3) and rotations (T, 4) of their frames."""

@@ -61,7 +61,6 @@ _KINDS = {
 _INCIDENTS = tuple(_KINDS)
 _SILENT, _LIMP, _BACK, _STILL, _YIELDS, _AGAINST, _WARM, _STARVED, _DOWN = range(len(_KINDS))
 _SEVERITY = np.array([CONDITIONS.index(condition) for condition in _KINDS.values()])
-_SILENT_REASON = "does not answer"
 _OFF, _LOST = CONDITIONS.index("is off on command"), CONDITIONS.index("is lost")
 
 
@@ -182,7 +181,7 @@ class Health:
         """Goes on without joints that have not answered while their port was set up again."""
         self.fatal[:] = False
         for index in joints:
-            self.fatal[index], self._reason[index] = True, _SILENT_REASON
+            self.fatal[index], self._reason[index] = True, _INCIDENTS[_SILENT]
         self.give_up(now)
 
     def take_out(self, joint: int, now: float) -> None:
@@ -253,7 +252,7 @@ class Health:
             reasons = (
                 (down, f"has shut down: {describe_errors(int(measured.errors[index]))}"),
                 (hot, f"is too hot: {_heat(measured, index)}"),
-                (silent, _SILENT_REASON),
+                (silent, _INCIDENTS[_SILENT]),
                 (restless, "keeps restarting"),
                 (apart, f"has two servos that are {measured.apart[index]:.2f} rad apart"),
             )
