@@ -91,9 +91,8 @@ def test_the_table_of_a_plot_is_what_the_loop_wrote_and_no_other_browser_gets_it
             curves.select_option(name)
         page.get_by_role("button", name="10 s", exact=True).click()
         page.get_by_role("img", name="rkne.y measured").wait_for()
-        page.wait_for_function(
-            "JSON.parse(document.querySelector('[data-state-of=plot-curves]').dataset.state).run.length > 20"
-        )
+        state = "JSON.parse(document.querySelector('[data-state-of=plot-curves]').dataset.state)"
+        page.wait_for_function(f"{state}.run.length > 20 && Object.keys({state}.curves).length === 2")
         with page.expect_download() as table:
             page.get_by_role("button", name="CSV").click()
         with page.expect_download() as picture:
@@ -125,7 +124,6 @@ def test_the_table_of_a_plot_is_what_the_loop_wrote_and_no_other_browser_gets_it
         # A hand in the strip leads the plot of this browser to that moment; a tab that is not in sight gets no more.
         bar = page.locator(".timeline-strip .bar").bounding_box()
         page.mouse.click(bar["x"] + (1.0 - 2.0 / 180.0) * bar["width"], bar["y"] + 0.5 * bar["height"])
-        state = "JSON.parse(document.querySelector('[data-state-of=plot-curves]').dataset.state)"
         page.wait_for_function(f"{state}.hand !== null")
         page.get_by_role("button", name="back to now").click()
         page.wait_for_function(f"{state}.hand === null")
