@@ -22,8 +22,8 @@ class ActiveAlarm(NamedTuple):
 
     @property
     def key(self) -> str:
-        """What it is about, without what follows from it or is to be done."""
-        return self.title + re.split("[.;] ", self.cause)[0]
+        """What it is about, without what follows from it or is to be done, and of however many servos."""
+        return self.title + re.sub(r"\b\d+ (of \d+ )?servos", "servos", re.split("[.;] ", self.cause)[0])
 
 
 class Notices:

@@ -71,6 +71,7 @@ class Incident(NamedTuple):
     source: str  # the joint with its id, or the port
     what: str
     fault: bool = True  # whether something is wrong; not where it was commanded, or is well again
+    port_silent: bool = False  # whether no servo of its port has answered for as long
 
 
 class Health:
@@ -93,7 +94,8 @@ class Health:
         self._joined_at = np.full(count, -np.inf)
         self._grips = np.array([joint.grip for joint in config.joints])
         self._moved = np.array([min(_MOVED, 0.1 * joint.velocity) for joint in config.joints])
-        self._heard = np.full(count, now)
+        self._heard, self._read_at = np.full((2, count), now)
+        self._port_of = np.array([config.ports.index(joint.port or config.port) for joint in config.joints])
         self._missing = np.zeros(count, dtype=np.bool_)
         self._anchor, self._anchored = np.full(count, np.inf), np.full(count, now)
         self._idle, self._was_idle = (np.zeros(count, dtype=np.bool_) for _ in range(2))
@@ -116,11 +118,10 @@ class Health:
         back = self._missing & ~missing & (silence > self._patience)
         self._missing = missing
         self._heard[~missing] = now
-        silence[~missing] = 0.0
         serious = measured.errors & _SERIOUS != 0
         down = serious | (~measured.torque & (measured.errors != 0))
         hot = measured.temperatures >= measured.hottest + 1.0
-        silent = silence > LOST_AFTER
+        silent = missing & (silence > LOST_AFTER)
         limp = ~measured.torque & ~down & ~missing
         still = self._still(measured, goals, now) & measured.torque & ~missing & ~yielding
         self._idle = idle = still & (np.abs(measured.currents) < self._idle_below)
@@ -138,7 +139,7 @@ class Health:
         self.fatal = alive & (down | hot | silent | restless | apart | (idle & self._was_idle))
         margin = measured.hottest - measured.temperatures
         known, seen = self._known, self._seen
-        seen[_SILENT] = silence > _MISSED_AFTER
+        seen[_SILENT] = missing & (silence > _MISSED_AFTER)
         seen[_LIMP] = limp
         seen[_BACK] = back
         seen[_STILL] = still & ~(self._grips & ~idle)
@@ -153,8 +154,9 @@ class Health:
             seen[:, joints], self.mend[joints] = known[:, joints], mend[joints]
         new = seen & ~known
         if np.logical_or.reduce(new, axis=None):
-            self._report(new, measured, now)
+            self._report(new, measured, silence, now)
         self._known, self._seen = seen, known
+        self._read_at[:] = measured.read_at
         if np.logical_or.reduce(self.fatal):
             self._explain(measured, down, hot, silent, restless, apart)
 
@@ -234,7 +236,7 @@ class Health:
         for index in np.flatnonzero(returned).tolist():
             self.incidents.append(Incident(now, self._names[index], "answers again", fault=False))
 
-    def _report(self, new: Mask, measured: Measurements, now: float) -> None:
+    def _report(self, new: Mask, measured: Measurements, silence: Array, now: float) -> None:
         for kind, index in zip(*(axis.tolist() for axis in np.nonzero(new)), strict=True):
             detail = ""
             if kind == _DOWN:
@@ -243,7 +245,9 @@ class Health:
                 detail = f": {_heat(measured, index)}"
             elif kind == _STARVED:
                 detail = f": {measured.voltages[index]:.1f} V"
-            self.incidents.append(Incident(now, self._names[index], _INCIDENTS[kind] + detail))
+            others = self._read_at[self._port_of == self._port_of[index]]
+            alike = kind in (_SILENT, _BACK) and bool(now - others.max() >= silence[index])
+            self.incidents.append(Incident(now, self._names[index], _INCIDENTS[kind] + detail, port_silent=alike))
 
     def _explain(
         self, measured: Measurements, down: Mask, hot: Mask, silent: Mask, restless: Mask, apart: Mask

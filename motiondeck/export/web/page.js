@@ -156,11 +156,13 @@
   };
   window.onkeydown = (event) => {
     if (event.ctrlKey || event.altKey || event.metaKey) return;
+    if (event.repeat && event.target.matches("button")) return void (event.key === "Enter" && event.preventDefault());
     if (event.key !== "Escape" && event.target.matches(event.key === " " ? "button, select, input, summary" : "select")) return;
     const number = /^Digit[1-9]$/.test(event.code) ? +event.code[5] - 1 : -1;
+    const once = !event.repeat; // a key that is held toggles nothing
     if (event.key === "Escape") player.stop();
-    else if (event.key === " ") hold();
-    else if (number >= 0 && number < motions.length) press(number, event.shiftKey);
+    else if (event.key === " ") once && hold();
+    else if (number >= 0 && number < motions.length) once && press(number, event.shiftKey);
     else return;
     event.preventDefault();
     show();

@@ -1,7 +1,8 @@
-"""The cause of incidents: servos of one port that fall silent together are one event, which says what to check."""
+"""The cause of incidents: a port that falls silent, or some of its servos, is one event, which says what to check."""
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Collection, Mapping
 from typing import TYPE_CHECKING
 
@@ -13,6 +14,7 @@ if TYPE_CHECKING:
 SILENT = ("does not answer", "was cut off")
 FOLLOWS = ("does not follow", "has lost its torque", *SILENT)  # what else comes of a silent port
 FOLLOWS_WITHIN = 3.0  # s
+_BRANCH = "branch"
 # By the beginning of an incident: what to check of one servo, and of several of a port at once.
 _CHECKS = {
     "does not answer": ("its plug and cable", "their plugs and cables"),
@@ -30,27 +32,36 @@ def explained(
 ) -> list[tuple[str, bool]]:
     """The new ones of the latest incidents by port and cause: what has happened, what to check, and whether a fault.
 
-    `new` has them in words, source and what; `ports` are those of the joints, by the sources of incidents.
+    `new` has them in words, source and what; `ports` are by the sources of incidents, in the order of the rig file.
     """
     ended = max((one.time for one in incidents), default=0.0)
-    quiet: dict[str, set[str]] = {}
+    # By port, the servos that fell silent, and those of them that did so with all others of the port.
+    quiet, together = defaultdict[str, dict[str, str]](dict), defaultdict[str, set[str]](set)
     for one in incidents:
         if one.fault and one.what.startswith(SILENT) and ended - one.time < FOLLOWS_WITHIN:
-            quiet.setdefault(ports.get(one.source, ""), set()).add(one.source)
+            quiet[port := ports.get(one.source, "")][one.source] = one.what
+            together[port].update([one.source] * one.port_silent)
     groups: dict[tuple[str, str, bool], dict[str, str]] = {}
     for one in incidents:
         if f"{one.source} {one.what}" in new:
-            port = ports.get(one.source, "")
-            silent = one.fault and len(quiet.get(port, ())) > 1 and one.what.startswith(FOLLOWS)
-            kind = "" if silent else one.what.partition(":")[0]
-            groups.setdefault((port, kind, one.fault), {}).setdefault(one.source, one.what)
-    return [(_text(port, kind, happened), fault) for (port, kind, fault), happened in groups.items()]
+            port, kind = ports.get(one.source, ""), one.what.partition(":")[0]
+            if one.fault and one.what.startswith(FOLLOWS) and len(quiet[port]) > 1:
+                all_of_it = len(together[port]) > 1 or len(quiet[port]) == [*ports.values()].count(port)
+                kind = "" if all_of_it else _BRANCH if one.source in quiet[port] else kind
+            group = quiet[port] if kind == _BRANCH else dict[str, str]()
+            groups.setdefault((port, kind, one.fault), group).setdefault(one.source, one.what)
+    return [(_text(port, kind, happened, ports), fault) for (port, kind, fault), happened in groups.items()]
 
 
-def _text(port: str, kind: str, happened: Mapping[str, str]) -> str:
+def _text(port: str, kind: str, happened: Mapping[str, str], ports: Mapping[str, str]) -> str:
     (source, what), *others = happened.items()
     if not kind:
         cause, check = f"the port {port} was silent", "adapter, cable and supply"
+    elif kind == _BRANCH:
+        chain, count = [source for source in ports if ports[source] == port], len(happened)
+        cause = f"{count} of {len(chain)} servos of the port {port} stopped answering"
+        are_last = set(chain[-count:]) == happened.keys()
+        check = f"the cable after {chain[-count - 1]}" if are_last else "the cable to their branch"
     else:
         checks = next((checks for begins, checks in _CHECKS.items() if what.startswith(begins)), ("", ""))
         cause, check = f"{source} {what}", checks[0]

@@ -140,9 +140,12 @@ def test_keys_buttons_and_the_state_line(browser, address):
     page.wait_for_function("motiondeck.page.player.playing === 1")
     page.locator(".later").nth(2).click()
     page.wait_for_function("document.querySelector('#queue').textContent === 'next: bow'")
+    for _ in range(2):  # a key that is held: it repeats
+        page.keyboard.down("Space")
+    page.keyboard.up("Space")
+    expect(word).to_have_text("PAUSED")
     page.keyboard.press("Space")
-    page.wait_for_function("document.querySelector('#state b').textContent === 'PAUSED'")
-    page.keyboard.press("Space")
+    page.wait_for_function("!motiondeck.page.player.paused")
     page.keyboard.press("Escape")
     page.wait_for_function("document.querySelector('#state b').textContent === 'STOPPED'")
     page.locator(".play").nth(0).click()
@@ -155,6 +158,10 @@ def test_keys_buttons_and_the_state_line(browser, address):
     page.locator("#pause").focus()
     page.keyboard.press("Space")  # presses the button, and no more
     page.wait_for_function("document.querySelector('#state b').textContent === 'PAUSED'")
+    for _ in range(2):
+        page.keyboard.down("Enter")
+    page.keyboard.up("Enter")
+    page.wait_for_function("!motiondeck.page.player.paused")
     page.close()
 
 

@@ -46,6 +46,20 @@ def test_each_cause_is_counted_until_it_is_acknowledged_and_the_latest_comes_fir
         assert (list(parts.state["alarms"]), parts.state["more"]) == (first, len(kept) - 1)
 
 
+def test_a_cause_that_spreads_to_more_servos_is_the_same_alarm():
+    parts = Parts()
+    notices = Notices(parts)
+    for count in (3, 5):
+        cut = f"rig: {count} of 20 servos of the port l stopped answering. Check the cable to their branch."
+        notices.add("Fault", f"{cut} Servos: a, b", alarming=True)
+        notices.add("Fault", f"rig: {count} servos have a low supply voltage. Check the supply.", alarming=True)
+    assert parts.state == {
+        "alarms": [("Fault", "rig: 5 servos have a low supply voltage. Check the supply.", "", 2)],
+        "more": 1,
+        "passing": None,
+    }
+
+
 @pytest.mark.parametrize("said", ["acknowledge", {"acknowledge": "Fault"}, {"acknowledge": [1, 2]}, [3]])
 def test_what_no_part_has_sent_acknowledges_nothing(said):
     parts = Parts()

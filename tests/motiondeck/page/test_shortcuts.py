@@ -1,6 +1,7 @@
-"""Shortcuts while something has the focus: a key that it uses itself is no shortcut, and Esc always stops."""
+"""Shortcuts while something has the focus: a key that it uses is no shortcut, Esc stops, and a held key acts once."""
 
 import pytest
+from playwright.sync_api import expect
 from test_operate import shown_panel
 
 from controller.wire.messages.commands import EmergencyStop, Home, Jump, Pause, SetTempo, StepOn, Switch
@@ -63,5 +64,50 @@ def test_a_key_that_the_focused_control_uses_is_no_shortcut_and_escape_always_st
                     if found != ([command.__name__] if command else []):
                         wrong.append(f"{key} on {focused}: {found}")
             assert "; ".join(wrong) == ""
+        finally:
+            tab.close()
+
+
+HELD = {
+    "body": {"Space": Pause, "s": StepOn, "2": Switch},
+    "button:has-text('Home')": {"Enter": Home, "Space": Home},
+    ".motion[data-key='jog'] .play": {"Enter": Switch, "Space": Switch},
+}
+
+
+@pytest.mark.thorough
+def test_a_key_that_is_held_acts_once(browser):
+    with shown_panel() as (page, _, heard):
+        tab = browser.new_page(viewport={"width": 1280, "height": 800})
+        tab.set_default_timeout(1000.0 * PATIENCE)
+        try:
+            tab.goto(f"{page.address}/?view=inspect&fixedDpr=0.1")
+            tab.locator(".motion").last.wait_for()
+
+            def held(place, key):
+                """What a key does that is held there for five repeats, until a stop that comes after it is heard."""
+                heard.clear()
+                tab.evaluate("document.activeElement.blur()")
+                if place != "body":
+                    tab.locator(place).first.focus()
+                for _ in range(6):
+                    tab.keyboard.down(key)
+                tab.keyboard.up(key)
+                until(lambda: heard, f"what {key} does on {place}")
+                tab.keyboard.press("Escape")
+                until(lambda: any(isinstance(one, EmergencyStop) for one in heard), f"Esc after {key} on {place}")
+                return [type(one) for one in heard if not isinstance(one, EmergencyStop)]
+
+            found = {place: {key: held(place, key) for key in keys} for place, keys in HELD.items()}
+            assert found == {place: {key: [one] for key, one in keys.items()} for place, keys in HELD.items()}
+            folder = tab.get_by_role("button", name="view", exact=True)
+            folder.focus()
+            for _ in range(2):  # an even number of toggles would leave it as it was
+                tab.keyboard.down("Enter")
+            tab.keyboard.up("Enter")
+            expect(tab.get_by_text("camera", exact=True)).to_be_visible()
+            # What moves by steps goes on: here with arrow keys on the ring.
+            tab.evaluate("document.activeElement.blur()")
+            assert len(held("circle.ring", "ArrowRight")) > 0
         finally:
             tab.close()

@@ -78,7 +78,15 @@ window.motiondeck ??= (() => {
   // viser takes what passes the body for a shortcut: a key that presses the button with the focus is none.
   const button = (target) => target.closest?.('button, summary, [role="button"]');
   const presses = ({ target, key }) => [" ", "Enter"].includes(key) && button(target);
-  document.body.addEventListener("keydown", (event) => presses(event) && event.stopPropagation());
+  // And what a held key repeats is none either, nor another press of a button; but a held Esc goes on stopping.
+  const repeats = (event) => event.repeat && event.key !== "Escape";
+  const again = (event) => {
+    if (!repeats(event) || !presses(event)) return;
+    event.stopImmediatePropagation();
+    if (event.key === "Enter") event.preventDefault(); // a button is pressed by each Enter, but by the release of Space
+  };
+  addEventListener("keydown", again, true);
+  document.body.addEventListener("keydown", (event) => (presses(event) || repeats(event)) && event.stopPropagation());
   // A button that a pointer has pressed keeps no focus: the next key is a shortcut, and not its own.
   addEventListener("click", ({ target, detail }) => detail > 0 && button(target)?.blur());
 

@@ -1,9 +1,10 @@
-"""Incidents are told by their cause: a silent port is one event, a pulled servo another, and nothing is left out."""
+"""Incidents are told by their cause: a silent port, a cut branch and a pulled servo are one event each, all named."""
 
 from collections import Counter
 from types import SimpleNamespace
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -23,7 +24,14 @@ from motiondeck_base.shipped import find_rig
 PORTS = {f"{side}_{name} (id {number})": side for side in "lr" for number, name in enumerate(("hip", "knee", "ankle"))}
 WHATS = ["does not answer", "was cut off for longer than watchdog_ms", "has a low supply voltage: 8.1 V", "is limp"]
 INCIDENTS = st.lists(
-    st.builds(Incident, st.just(0.0), st.sampled_from([*PORTS, "the port l"]), st.sampled_from(WHATS), st.booleans()),
+    st.builds(
+        Incident,
+        st.just(0.0),
+        st.sampled_from([*PORTS, "the port l"]),
+        st.sampled_from(WHATS),
+        st.booleans(),
+        st.booleans(),
+    ),
     max_size=12,
 )
 
@@ -39,21 +47,28 @@ def test_every_servo_is_named_in_an_event_of_its_cause(incidents):
     for one in incidents:
         texts = [text for text, fault in events if one.source.partition(" (")[0] in text and fault == one.fault]
         rest = one.what.partition(":")[0].partition(" ")[2]  # after its verb
-        assert any(word in text for word in ("was silent", rest) for text in texts)
+        assert any(word in text for word in ("was silent", "stopped answering", rest) for text in texts)
 
 
 @given(INCIDENTS)
-def test_a_port_is_silent_when_two_of_its_servos_are(incidents):
+def test_a_port_is_silent_when_all_of_it_is_and_else_its_servos_are_counted(incidents):
     for port in "lr":
-        silent = {one.source for one in incidents if one.fault and one.what in WHATS[:2] and one.source[0] == port}
-        said = [text for text, _ in told(incidents) if f"the port {port} was silent" in text]
+        own = [one for one in incidents if one.fault and one.what in WHATS[:2] and one.source[0] == port]
+        silent, with_all = {one.source for one in own}, {one.source for one in own if one.port_silent}
+        whole = len(with_all) > 1 or len(silent) == 3
+        cut = (f"port {port} was silent.", f"port {port} stopped answering.")
+        said = [text for text, _ in told(incidents) if any(one in text for one in cut)]
         assert len(said) == (len(silent) > 1)
-        assert all(source.partition(" (")[0] in said[0] for source in silent if len(silent) > 1)
+        for text in said:
+            start = f"the port {port} was silent. Check adapter, cable and supply."
+            assert text.startswith(start if whole else f"2 of 3 servos of the port {port} stopped answering. ")
+            assert all(source.partition(" (")[0] in text for source in silent)
+            assert ("Check the cable after" in text) == (not whole and f"{port}_hip (id 0)" not in silent)
 
 
 @given(INCIDENTS, st.randoms(use_true_random=False))
 def test_events_do_not_depend_on_which_incident_came_first(incidents, random):
-    once = [Incident(0.0, one.source, WHATS[0] if one.what in WHATS[:2] else one.what, one.fault) for one in incidents]
+    once = [one._replace(what=WHATS[0] if one.what in WHATS[:2] else one.what) for one in incidents]
 
     def words(some):
         return Counter(frozenset(text.replace(",", "").split()) for text, _ in told(some))
@@ -147,3 +162,36 @@ def test_a_pulled_servo_is_another_event_within_a_second():
     run.play(1.2)
     assert run.faults == ["rig: l_knee (id 18) does not answer. Check its plug and cable."]
     assert run.events[0][0] - began < 1.0
+
+
+@pytest.mark.parametrize(
+    ("first", "last", "check"),
+    [
+        (16, 20, "the cable after l_hip_yaw (id 15)"),
+        (19, 20, "the cable after l_knee (id 18)"),
+        (1, 2, "the cable to their branch"),
+        (4, 8, "the cable to their branch"),
+    ],
+)
+def test_servos_cut_off_together_are_counted_and_the_last_that_answers_is_named(first, last, check):
+    run = Played()
+    began = run.line.now()
+    for number in range(first, last + 1):
+        run.line.bus[number].dead = True
+    run.play(1.2)
+    cut = f"{last - first + 1} of 20 servos of the port /dev/ttyUSB0 stopped answering. Check {check}. Servos: "
+    assert run.faults[-1].startswith(f"rig: {cut}")
+    assert run.events[0][0] - began < 1.0
+    assert all(" of 20 servos" in text for text in run.faults)
+    assert next(text for text in run.output.report()["causes"] if "answer" in text).startswith(cut)
+
+
+def test_servos_cut_off_for_a_moment_are_told_as_such_and_not_as_their_port():
+    run = Played()
+    for dead in (True, False):
+        for number in range(16, 21):
+            run.line.bus[number].dead = dead
+        run.play(0.6)
+    assert run.faults
+    assert all("5 of 20 servos of the port /dev/ttyUSB0 stopped answering" in text for text in run.faults[-1:])
+    assert "was silent" not in str(run.faults)
