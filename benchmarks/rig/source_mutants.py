@@ -119,6 +119,7 @@ MUTANTS = {
     "strain kept at a recovery": Mutant(
         JointPace.start_again, "self.strain.forget(joints)", "pass", ("duplicate", _PAIR)
     ),
+    "pull at one out of reach": Mutant(Rig._look_after, "measured.alone", "False", ("duplicate", _PAIR)),
     "paths that part": Mutant(
         Health.look, "(back | limp | idle | parted)", "(back | limp | idle)", ("duplicate", _PAIR)
     ),

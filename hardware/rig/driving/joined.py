@@ -1,7 +1,7 @@
 """Measurements of joints from those of their servos, where two servos turn one joint.
 
 position, velocity    the mean, without a servo that is silent
-current               the larger one
+current               the larger one, without a servo that is silent
 temperature, voltage  of the servo that is worse off; so are errors, torque and missed answers
 """
 
@@ -40,7 +40,7 @@ class JoinedMeasurements:
             count = np.add.reduceat(weights, firsts)
         for mean, values in ((one.positions, all.positions), (one.velocities, all.velocities)):
             mean[:] = np.add.reduceat(values * weights, firsts) / count
-        most, least = highest(all.currents, firsts), lowest(all.currents, firsts)
+        most, least = highest(all.currents * weights, firsts), lowest(all.currents * weights, firsts)
         one.currents[:] = np.where(most > -least, most, least)
         one.against[:] = np.minimum(np.maximum(most, 0.0), np.maximum(-least, 0.0))
         one.temperatures[:] = np.fmax.reduceat(all.temperatures, firsts)
@@ -55,6 +55,7 @@ class JoinedMeasurements:
         one.apart[:] = np.maximum(apart, 0.0) * known
         one.read_at[:] = lowest(all.read_at, firsts)
         one.missed_in_a_row[:] = highest(all.missed_in_a_row, firsts)
+        one.alone[:] = (self._count > 1) & (one.missed_in_a_row > 1)
         one.hottest[:], one.slack[:] = lowest(all.hottest, firsts), lowest(all.slack, firsts)
         waits = (self._count > 1) & ((one.missed_in_a_row > 0) | ~one.torque)
         now = np.maximum.reduce(all.read_at)

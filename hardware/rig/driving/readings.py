@@ -62,6 +62,7 @@ class Measurements:
         self.hottest, self.slack = np.full(count, np.nan), np.full(count, np.nan)
         # Replies that each joint has missed since its last one, shape (J,).
         self.missed_in_a_row = np.zeros(count, dtype=np.int64)
+        self.alone = np.zeros(count, dtype=np.bool_)  # whether one of two servos of a joint is out of reach, shape (J,)
 
 
 class Readings:

@@ -131,7 +131,8 @@ class Health:
         alive = ~self.lost
         for joints in recovering:
             alive[joints] = False
-        opposed, parted = self._lasting(measured.against > self._opposed, now)
+        self._agreed[~(measured.against > self._opposed)] = now
+        opposed, parted = now - self._agreed > _OPPOSED_FOR
         self._at_odds |= parted & (now - self._joined_at < _TOGETHER_FOR)
         self._parted = parted = parted & ~self._at_odds
         mend, self.mend = self.mend, alive & (back | limp | idle | parted)
@@ -210,11 +211,6 @@ class Health:
     def reasons(self) -> str:
         """Why the joints in `fatal` are lost, each named."""
         return "; ".join(f"{self._names[index]} {self._reason[index]}" for index in np.flatnonzero(self.fatal).tolist())
-
-    def _lasting(self, opposed: Mask, now: float) -> Mask:
-        """Which joints have two servos that have opposed each other for a while, at both levels, shape (2, J)."""
-        self._agreed[~opposed] = now
-        return now - self._agreed > _OPPOSED_FOR
 
     def _often_mended(self, now: float) -> Mask:
         return np.array([len(times) == _RESTLESS and now - times[0] < _RESTLESS_WITHIN for times in self._mended])

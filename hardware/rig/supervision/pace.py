@@ -166,7 +166,8 @@ class Strain:
     The current of each joint, as a part of the allowed one, is smoothed over a quarter of a second. Above 75 % the
     joint yields: its goal stays so near its position that it keeps pushing with half the current. Below 60 % it
     follows its target again. A motor that draws more than its maker says, or has a higher voltage, would push harder
-    from there: its goal comes nearer until half is what is measured.
+    from there: its goal comes nearer until half is what is measured. A joint yields at once while one of two servos is
+    out of reach, which may pull at it: with all its current the other would leap back when that gives way.
     """
 
     def __init__(self, config: RigConfig, slack: Array) -> None:
@@ -186,9 +187,9 @@ class Strain:
         """How far from its position the goal of a yielding joint may be, shape (J,), rad."""
         return self._nearer * self._gentle * self._slack
 
-    def note(self, currents: Array, now: float) -> None:
-        """Takes in the currents (J,), A, measured at the time `now`, s."""
-        share = -math.expm1(-min(1.0, max(0.0, now - self._noted)) / _SMOOTHED_OVER)
+    def note(self, currents: Array, now: float, alone: NDArray[np.bool_] | bool = False) -> None:
+        """Takes in the currents (J,), A, measured at the time `now`, s, of joints that the other servo left `alone`."""
+        share = np.where(alone, 1.0, -math.expm1(-min(1.0, max(0.0, now - self._noted)) / _SMOOTHED_OVER))
         self._noted = now
         taken = np.abs(currents) / self._allowed
         self._smoothed += (taken - self._smoothed) * share

@@ -375,7 +375,7 @@ class Rig:
         if len(recovering) == len(self._recoveries):
             return
         health, measured, now = self.health, self.measured, self._now()
-        self.pace.strain.note(measured.currents, now)
+        self.pace.strain.note(measured.currents, now, measured.alone)
         self.pace.ease.note(measured.temperatures, measured.voltages)
         health.look(measured, self.goals, self.pace.strain.yielding, recovering, now)
         if np.logical_or.reduce(health.fatal):

@@ -207,6 +207,35 @@ def test_neither_of_two_leaps_back_when_the_other_is_let_go(id, lasts, keys, mon
     np.testing.assert_allclose(arm.angles, 1.2, atol=0.05)
 
 
+class SmallArm(Arm):
+    """The same with small servos, which reach the rig file's limit of current before they win against each other."""
+
+    model = "XC330-T181"
+
+
+@pytest.mark.parametrize("lasts", [0.27, *(pytest.param(s, marks=pytest.mark.thorough) for s in (0.21, 0.24, 0.3))])
+@pytest.mark.parametrize(("id", "target"), [(2, -1.2), pytest.param(3, 1.2, marks=pytest.mark.thorough)])
+def test_a_joint_does_not_leap_back_when_the_servo_gives_way_that_its_other_one_pulls_at(
+    id, target, lasts, monkeypatch
+):
+    """One held its goal with all its current, and pulled the joint along when the other's path turned back."""
+    keys = {"current": 0.4, "velocity": 2.5, "acceleration": 20.0}
+    arm = SmallArm(f"duplicate:id={id},at=0.9,for={lasts},value=4", **keys).open()
+    arm.play(target, 0.8)
+    elapse, angles, speeds = arm.port.elapse, [], []
+
+    def watched(seconds):
+        elapse(seconds)
+        angles.append(arm.angles[0])
+        speeds.append(arm.drive.speed[arm.first.row] / arm.config.joints[1].pulses_per_radian)
+
+    monkeypatch.setattr(arm.port, "elapse", watched)
+    arm.play(target, 2.2)
+    assert np.ptp(angles) > 0.1
+    assert np.abs(speeds).max() < 0.6 * 2.5
+    np.testing.assert_allclose(angles[-1], target, atol=0.05)
+
+
 @pytest.mark.parametrize(("id", "end"), [(2, -1.7), pytest.param(3, 1.7, marks=pytest.mark.thorough)])
 @pytest.mark.parametrize("lasts", [0.1, pytest.param(0.06, marks=pytest.mark.thorough)])
 def test_paths_that_part_in_a_moment_come_together(id, end, lasts):
