@@ -79,12 +79,14 @@ class Turns:
             self._changed.notify_all()
 
     def abandon(self) -> None:
-        """Ends all threads."""
+        """Ends all threads; SystemExit ends them silently by Python's own hook, but not by that of a test's runner."""
+        hook, threading.excepthook = threading.excepthook, threading.__excepthook__
         with self._changed:
             self._over = True
             self._changed.notify_all()
         for thread in self._others():
             thread.join()
+        threading.excepthook = hook
 
     def _others(self) -> list[threading.Thread]:
         return [thread for thread in threading.enumerate() if thread.name == self._name]

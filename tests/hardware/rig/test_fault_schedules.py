@@ -3,6 +3,7 @@
 More of them:  python -m benchmarks fault_schedules 500     python -m benchmarks fault_schedules 20 --mutants
 """
 
+import threading
 from collections import Counter
 from functools import partial
 
@@ -64,6 +65,7 @@ def test_a_random_schedule_of_faults_ends_well(seed):
         (700000170, "a joint that a jam threw out of its limits, and whose watchdog stopped it there"),
         (600000151, "torque on a limp joint whose weight swung on since its place was read"),
         (700000652, "a restart of a servo that held its partner, which had gone after another joint's goals"),
+        (782342047, "one of two servos that pulled with all its current at the other, out of reach, and at its shaft"),
     ],
 )
 def test_a_schedule_that_was_wrong_ends_well(seed, was):
@@ -121,6 +123,7 @@ def _to_and_fro(reach, now):
         ("times of two unlike", 900220, "rad apart"),
         ("goal given up in a silence", 295200156, "moved at another's recovery"),
         ("paths that part", 295310034, "work against each other"),
+        ("pull at one out of reach", 782342047, "was too fast"),
         ("goal taken for a path", 295200253, "ran past the goal at which it was held"),
         ("no identity check", 70005, "torque came on in another model's servo"),
     ],
@@ -251,6 +254,18 @@ def test_every_mutant_still_has_its_text_in_the_source(name):
 def test_a_mutant_whose_text_is_gone_is_named():
     with pytest.raises(ValueError, match="hold_still no longer has"), mutated(Mutant(hold_still, "no such text", "")):
         pass
+
+
+def test_an_abandoned_thread_ends_silently(monkeypatch):
+    said = []
+    monkeypatch.setattr(threading, "excepthook", said.append)
+    turns = Turns("abandoned")
+    thread = threading.Thread(target=turns.wait_until, args=(1.0,), name="abandoned")
+    thread.start()
+    assert turns.next_due() == 1.0
+    turns.abandon()
+    assert not thread.is_alive()
+    assert said == []
 
 
 def test_schedules_come_from_their_seed():
