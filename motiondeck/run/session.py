@@ -20,6 +20,7 @@ from controller.loop.correction import Correction
 from controller.loop.lead import Lead
 from controller.loop.loop import LoopState, run
 from controller.loop.output_channel import Channel
+from controller.loop.safety.compiled_envelope import unfit
 from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.loop.stop_requests import StopRequest
 from controller.loop.stop_state import WiredStop
@@ -144,7 +145,7 @@ class Session:
             # The guard of a rig goes before the deck.
             priority = permissions.FIFO_PRIORITY - self.guarded
             self._permissions += [*permissions.request_realtime(priority), permissions.request_one_blas_thread()]
-        for line in permissions.permission_lines(self._permissions):
+        for line in (*permissions.permission_lines(self._permissions), *unfit()):
             print(line, file=sys.stderr)
 
     def _carry_out_commands(self, stop: StopRequest) -> None:

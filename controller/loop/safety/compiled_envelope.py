@@ -62,6 +62,12 @@ def load_compiled(path: Path) -> ctypes.CDLL | None:
         return None
 
 
+def unfit() -> list[str]:
+    """A line with the remedy if there is a compiled part that is not taken, because its source has changed or so."""
+    line = "the compiled safety envelope is not of this source: ticks are slower. pip install -e . compiles it anew"
+    return [line] * (COMPILED.exists() and load_compiled(COMPILED) is None)
+
+
 def _does_as_its_twin(library: ctypes.CDLL) -> bool:
     """A trial of 6 joints, slow to fast, whose targets wave, jump and are no numbers, and of braking."""
     lower, pace = np.linspace(-2.0, -0.5, 6), np.geomspace(0.05, 5.0, 6)

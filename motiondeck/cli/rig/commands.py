@@ -33,6 +33,7 @@ def doctor(
 
     Example:  motiondeck rig doctor servo20 --port /dev/ttyUSB0
     """
+    from controller.loop.safety.compiled_envelope import unfit
     from hardware.bus.servo_bus import Bus
     from hardware.tools.backup import ServoBackup, save_backups
     from hardware.tools.doctor import examine, fix_settings, look_elsewhere, shorten_latency
@@ -81,8 +82,8 @@ def doctor(
             print(f"problem: {problem}")
         for note in report.notes:
             print(f"note: {note}")
-    for line in refused:
-        print(f"not set: {line}")
+    for line in (*(f"not set: {line}" for line in refused), *(f"note: {line}" for line in unfit())):
+        print(line)
     print("no problem found" if not problems else f"{problems} problem{'s' * (problems > 1)}")
     if not fix and any("--fix sets" in problem for report in reports for problem in report.problems):
         print(f"to set what differs: motiondeck rig doctor {rig}{ports} --fix")

@@ -10,6 +10,7 @@ import pytest
 import synthetic
 from benchmarks.simulated_time import VirtualClock
 from controller.deck.deck import Deck
+from controller.loop.safety import compiled_envelope
 from controller.loop.stop_requests import SIGNALS
 from controller.motion.skeleton import Pose
 from controller.wire.command_socket import CommandClient
@@ -52,6 +53,19 @@ def test_an_emergency_stop_at_the_door_stops_pauses_and_is_told_to_subscribers(l
         assert kinds[:2] == [("mode", "emergency stop"), ("paused", "paused")]
         assert run.stop.mode == "emergency stop"
         assert run.deck.paused
+
+
+@pytest.mark.parametrize("fits", [True, False])
+def test_a_run_begins_with_a_line_if_its_envelope_is_slow_for_want_of_a_new_installation(
+    library, fits, monkeypatch, tmp_path, capsys
+):
+    file = tmp_path / "envelope.so"
+    monkeypatch.setattr(compiled_envelope, "COMPILED", file)
+    if not fits:
+        file.write_bytes(b"older")
+    with session(library, lambda retarget: Deck(library, retarget, "march"), seconds=0.02) as run:
+        run.run()
+    assert ("pip install -e . compiles it anew\n" in capsys.readouterr().err) == (not fits)
 
 
 def test_commands_that_raise_do_not_keep_the_door_from_working(library):

@@ -14,7 +14,7 @@ from test_safety_envelope import limit_sets, limits, target_sequences
 
 from controller.deck.interfaces import JointLimits
 from controller.loop.safety import compiled_envelope
-from controller.loop.safety.compiled_envelope import SOURCE, CompiledEnvelope, load_compiled, safety_envelope
+from controller.loop.safety.compiled_envelope import SOURCE, CompiledEnvelope, load_compiled, safety_envelope, unfit
 from controller.loop.safety.safety_envelope import SafetyEnvelope
 
 DT = 0.005
@@ -127,8 +127,11 @@ def test_a_library_that_does_otherwise_than_its_twin_is_not_taken(compile_to, mo
     assert load_compiled(compile_to(broken)) is None
 
 
-def test_what_was_made_from_another_source_is_not_taken(compile_to):
-    assert load_compiled(compile_to(SOURCE.read_text() + "/* newer */\n")) is None
+def test_what_was_made_from_another_source_is_not_taken_and_named_with_the_remedy(compile_to, monkeypatch):
+    for text, named in ((SOURCE.read_text() + "/* newer */\n", True), (SOURCE.read_text(), False)):
+        monkeypatch.setattr(compiled_envelope, "COMPILED", compile_to(text))
+        assert (load_compiled(compiled_envelope.COMPILED) is None) == named
+        assert ["pip install -e ." in line for line in unfit()] == [True] * named
 
 
 def test_an_installation_without_a_compiler_compiles_nothing(compile_to, monkeypatch, tmp_path):
@@ -146,6 +149,7 @@ def test_without_a_library_the_twin_does_the_work(tmp_path, monkeypatch, content
         file.write_bytes(content)
     monkeypatch.setattr(compiled_envelope, "COMPILED", file)
     assert type(safety_envelope(limits(2), DT)) is SafetyEnvelope
+    assert len(unfit()) == (content is not None)
 
 
 def test_targets_of_another_shape_are_refused_by_both(library):

@@ -6,6 +6,7 @@ import pytest
 
 from benchmarks.simulated_time import EmulatedPort
 from command_line import invoked
+from controller.loop.safety import compiled_envelope
 from hardware.bus.servo_bus import Bus
 from hardware.emulator.bus import EmulatedBus
 from hardware.rig.rig_file import load_rig
@@ -34,7 +35,10 @@ def test_what_the_doctor_sets_is_saved_before_and_can_be_undone(tmp_path, monkey
         "motiondeck.cli.rig.commands.open_buses",
         lambda config, ports: nullcontext([(config, Bus(port, config.baud))]),
     )
+    (tmp_path / "envelope.so").touch()
+    monkeypatch.setattr(compiled_envelope, "COMPILED", tmp_path / "envelope.so")
     fixed = invoked("rig", "doctor", "pan-tilt", "--fix")
+    assert "\nnote: the compiled safety envelope is not of this source" in fixed.stdout
     assert (pan["homing_offset"], pan["secondary_id"]) == (0, 255)
     (saved,) = (tmp_path / "motiondeck" / "settings").iterdir()
     assert f"to undo what was set: motiondeck rig restore pan-tilt {saved}" in fixed.stderr
