@@ -71,7 +71,7 @@ class Incident(NamedTuple):
     source: str  # the joint with its id, or the port
     what: str
     fault: bool = True  # whether something is wrong; not where it was commanded, or is well again
-    port_silent: bool = False  # whether no servo of its port has answered for as long
+    silent: tuple[str, ...] = ()  # of one that fell silent, all of its port that did not answer most of that time
 
 
 class Health:
@@ -241,9 +241,10 @@ class Health:
                 detail = f": {_heat(measured, index)}"
             elif kind == _STARVED:
                 detail = f": {measured.voltages[index]:.1f} V"
-            others = self._read_at[self._port_of == self._port_of[index]]
-            alike = kind in (_SILENT, _BACK) and bool(now - others.max() >= silence[index])
-            self.incidents.append(Incident(now, self._names[index], _INCIDENTS[kind] + detail, port_silent=alike))
+            quiet = (now - self._read_at > 0.5 * silence[index]) & (self._port_of == self._port_of[index])
+            silent = np.flatnonzero(quiet).tolist() if kind in (_SILENT, _BACK) else []
+            with_it = tuple(self._names[one] for one in silent)
+            self.incidents.append(Incident(now, self._names[index], _INCIDENTS[kind] + detail, silent=with_it))
 
     def _explain(
         self, measured: Measurements, down: Mask, hot: Mask, silent: Mask, restless: Mask, apart: Mask

@@ -14,7 +14,6 @@ if TYPE_CHECKING:
 SILENT = ("does not answer", "was cut off")
 FOLLOWS = ("does not follow", "has lost its torque", *SILENT)  # what else comes of a silent port
 FOLLOWS_WITHIN = 3.0  # s
-_BRANCH = "branch"
 # By the beginning of an incident: what to check of one servo, and of several of a port at once.
 _CHECKS = {
     "does not answer": ("its plug and cable", "their plugs and cables"),
@@ -35,20 +34,21 @@ def explained(
     `new` has them in words, source and what; `ports` are by the sources of incidents, in the order of the rig file.
     """
     ended = max((one.time for one in incidents), default=0.0)
-    # By port, the servos that fell silent, and those of them that did so with all others of the port.
-    quiet, together = defaultdict[str, dict[str, str]](dict), defaultdict[str, set[str]](set)
+    quiet = defaultdict[str, dict[str, str]](dict)  # by port, what the servos did that fell silent together
+    latest = dict[str, float]()
     for one in incidents:
         if one.fault and one.what.startswith(SILENT) and ended - one.time < FOLLOWS_WITHIN:
-            quiet[port := ports.get(one.source, "")][one.source] = one.what
-            together[port].update([one.source] * one.port_silent)
+            port = ports.get(one.source, "")
+            if one.silent and one.time > latest.get(port, one.time):
+                quiet[port].clear()  # more is known by now
+            latest[port] = one.time
+            quiet[port] |= dict.fromkeys((*one.silent, one.source), one.what)
     groups: dict[tuple[str, str, bool], dict[str, str]] = {}
     for one in incidents:
         if f"{one.source} {one.what}" in new:
-            port, kind = ports.get(one.source, ""), one.what.partition(":")[0]
-            if one.fault and one.what.startswith(FOLLOWS) and len(quiet[port]) > 1:
-                all_of_it = len(together[port]) > 1 or len(quiet[port]) == [*ports.values()].count(port)
-                kind = "" if all_of_it else _BRANCH if one.source in quiet[port] else kind
-            group = quiet[port] if kind == _BRANCH else dict[str, str]()
+            port = ports.get(one.source, "")
+            together = one.fault and one.what.startswith(FOLLOWS) and one.source in quiet[port] and len(quiet[port]) > 1
+            kind, group = ("", quiet[port]) if together else (one.what.partition(":")[0], dict[str, str]())
             groups.setdefault((port, kind, one.fault), group).setdefault(one.source, one.what)
     return [(_text(port, kind, happened, ports), fault) for (port, kind, fault), happened in groups.items()]
 
@@ -56,12 +56,12 @@ def explained(
 def _text(port: str, kind: str, happened: Mapping[str, str], ports: Mapping[str, str]) -> str:
     (source, what), *others = happened.items()
     if not kind:
-        cause, check = f"the port {port} was silent", "adapter, cable and supply"
-    elif kind == _BRANCH:
         chain, count = [source for source in ports if ports[source] == port], len(happened)
-        cause = f"{count} of {len(chain)} servos of the port {port} stopped answering"
-        are_last = set(chain[-count:]) == happened.keys()
-        check = f"the cable after {chain[-count - 1]}" if are_last else "the cable to their branch"
+        cause, check = f"the port {port} was silent", "adapter, cable and supply"
+        if count < len(chain):
+            cause = f"{count} of {len(chain)} servos of the port {port} stopped answering"
+            are_last = set(chain[-count:]) == happened.keys()
+            check = f"the cable after {chain[-count - 1]}" if are_last else "the cable to their branch"
     else:
         checks = next((checks for begins, checks in _CHECKS.items() if what.startswith(begins)), ("", ""))
         cause, check = f"{source} {what}", checks[0]
