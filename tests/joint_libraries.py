@@ -12,12 +12,15 @@ from controller.networks.clip.network import ClipPlayer
 RATE = 120.0
 
 
-def joint_library(joints=4, seed=0, loops=3, shots=2, network=ClipPlayer):
+def joint_library(joints=4, seed=0, loops=3, shots=2, network=ClipPlayer, lengths=None):
     """A library of a few seconds; some loops last whole hundredths of a second, the first lies behind a one-shot."""
     rng, frames, kinds = np.random.default_rng(seed), {}, {}
     for number in range(loops + shots):
         loop = number < loops
-        name, length = f"{'loop' if loop else 'shot'}{number}", int(rng.choice([120, 132, 150, 163, 180]))
+        name, length = (
+            f"{'loop' if loop else 'shot'}{number}",
+            int(rng.choice([120, 132, 150, 163, 180] if lengths is None else lengths[number : number + 1])),
+        )
         phase = np.arange(length) * (2.0 * np.pi / length if loop else np.pi / (length - 1))
         waves = rng.normal(size=(3, joints, 2)) * np.array([0.3, 0.1, 0.03])[:, None, None]
         angles = sum(

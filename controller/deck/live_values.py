@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.deck.interfaces import JointLimits
+from controller.deck.joins.deck_motions import SUMMED
 from controller.motion.rotations import Array
 from motiondeck_base.errors import MotiondeckError
 
@@ -103,7 +104,7 @@ class LiveJoint(Share):
         self._moving = min(max(decay * (self._moving - FOLLOW * pull * dt), -self.speed), self.speed)
         if not still:
             self.left -= dt
-            if self.left <= 1e-9:  # what rounding leaves of a sum of ticks
+            if self.left <= SUMMED:
                 self.goal = 0.0
         if not self.goal:
             self.approach(abs(self._at - beneath), dt, may_change=not still)

@@ -152,6 +152,11 @@ CUBIC: Array = 0.5 * np.array([[0, 2, 0, 0], [-1, 0, 1, 0], [2, -5, 4, -1], [-1,
 """Catmull-Rom, slopes (p2 - p0) / 2 at p1 and (p3 - p1) / 2 at p2: rows have weights of p0 .. p3 for 1, u, u^2, u^3."""
 
 
+def nearest(place: float) -> int:
+    """The nearest whole number; it is the next one where its own rounding could choose, halfway between two."""
+    return math.floor(place + 0.50013)
+
+
 def between_frames(frames: Array, at: Array) -> Array:
     """Frames (T, C), interpolated by CUBIC at times (S,), counted in frames; constant beyond both ends."""
     low = np.floor(at)

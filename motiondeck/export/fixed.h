@@ -134,7 +134,7 @@ MD_CALLED md_real sqrtf(md_real x) { return md_real::of((int32_t)md_root((uint64
 static inline md_real sqrtf(md_wide x) { return md_real::of(md_saturated((int64_t)md_root((uint64_t)x.raw))); }
 static inline md_real fabsf(md_real x) { return x.raw < 0 ? -x : x; }
 static inline md_real rounded_down(md_real x) { return md_real::of((int32_t)((uint32_t)x.raw & 0xFE000000u)); }
-static inline md_real rounded(md_real x) { return rounded_down(x + md_real(0.5f)); }
+static inline md_real rounded(md_real x) { return rounded_down(x + md_real(0.50013f)); }
 static inline md_real copysignf(md_real x, md_real sign) { return (x.raw < 0) == (sign.raw < 0) ? x : -x; }
 
 /* exp x, for |x| < 4 */
@@ -158,11 +158,7 @@ static inline md_real times_key(md_real weight, int16_t key) { /* weights are ti
 }
 /* Whole numbers near x and x * n, and k / n; none is negative. */
 static inline int nearest(md_real x) { return (int)(((uint32_t)x.raw + (1u << 24)) >> 25); }
-static inline int nearest_times(md_real x, int n) { /* what may be halfway is even, as a float's rounding has it */
-  int64_t twice = (int64_t)x.raw * n * 2 + (1 << 25), off = (twice & ((1 << 26) - 1)) - (n + 1);
-  int up = (int)(twice >> 26);
-  return off < 0 || off + 2 * (n + 1) >= 1 << 26 ? (off < 0 ? up & ~1 : (up + 1) & ~1) : up;
-}
+static inline int nearest_times(md_real x, int n) { return (int)(((int64_t)x.raw * n + md_units(0.50013, 33554432.0)) >> 25); }
 static inline md_real ratio(int k, int n) {
   uint32_t first = ((uint32_t)k << 13) / (uint32_t)n, rest = ((uint32_t)k << 13) - first * (uint32_t)n;
   return md_real::of((int32_t)(first << 12 | (rest << 12) / (uint32_t)n));

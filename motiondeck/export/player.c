@@ -15,17 +15,14 @@ MD_CALLED void copy(void *place, const void *from, size_t bytes) {
   for (volatile unsigned char *byte = (unsigned char *)place; bytes--;) *byte++ = *other++;
 }
 #ifndef MD_FIXED
-/* The whole numbers at and below, at and above, and nearest to some; those of large ones are themselves. */
+/* The whole numbers at and below, at and above, and nearest to some (clip.nearest); those of large ones are themselves. */
 MD_CALLED float rounded_down(float x) {
   if (fabsf(x) >= 8388608.0f) return x;
   float whole = (float)(int32_t)x;
   return whole > x ? whole - 1.0f : whole;
 }
 static float rounded_up(float x) { return -rounded_down(-x); }
-MD_CALLED float rounded(float x) { /* what is halfway is even */
-  volatile float shifted = x + 12582912.0f;
-  return shifted - 12582912.0f;
-}
+static float rounded(float x) { return rounded_down(x + 0.50013f); }
 MD_CALLED float cube_root(float x) {
   float root = 1.0f + x;
   for (int step = 0; step < 60; step++) root = (root + root + x / (root * root)) * (1.0f / 3.0f);
@@ -66,8 +63,8 @@ enum { WORDS = 1, CHECKSUM, JOINTS, MOTIONS, TICK_RATE, FRAMES_A_TICK, LIMITS, M
 #define NEXT_TO_NONE 1e-4f
 #define SHORTEST_BEAT 0.25f /* s (beat_clock.py) */
 #define LONGEST_BEAT 1.5f
+#define SLACK 0.02013f
 #define LONG_AGO 30.0f
-#define TIE 1.3e-4f /* phase_lock.py */
 #define FOLLOW 80.0f /* 1/s (live_values.py) */
 #define BLEND_TURNS_OVER 2.0f /* performance.py, playing_tracks.py */
 #define EASED_FROM 0.7f
@@ -454,7 +451,7 @@ static void end_trial(md_player *p, md_real step, const md_fade **next) {
   md_real speed = sqrtf(p->fastest) / step / most(PLANNED_SHARE * p->bound.speed, p->already), duration, hard = HARD * step;
   /* The use of the planned share of the bounds; 1 is the limit. */
   md_real use = most(sqrtf(p->hardest) / hard / hard / (PLANNED_SHARE * p->bound.acceleration), speed * speed);
-  int better = use < p->least, whole = fade->slowing == fade->duration, exhausted;
+  int better = use <= p->least /* which are alike at first in fixed point, if large */, whole = fade->slowing == fade->duration, exhausted;
   p->moment = 0;
   if (++p->trials == 1) p->hasty = p->already > PLANNED_SHARE * p->bound.speed;
   if (better) p->best = *fade, p->least = use;
@@ -462,7 +459,7 @@ static void end_trial(md_player *p, md_real step, const md_fade **next) {
   p->last = use;
   exhausted = fade->duration >= LONGEST || p->rises == 2;
   if (exhausted)
-    p->slowed++, duration = p->best.duration, p->last = FARTHEST, p->rises = 0;
+    p->slowed++, duration = p->best.duration, p->last = DEAREST, p->rises = 0;
   else
     duration = least(LONGEST, fade->duration * most(LONGER, sqrtf(use)));
   md_real allowed = ALL_BUT + times(YIELDING, p->trials > PATIENT_TRIALS ? p->trials - PATIENT_TRIALS : 0);
@@ -571,7 +568,7 @@ static void begin_fade(md_player *p, md_real onset, md_bounds bounds) {
   p->fade = p->candidate = p->best = shortest;
   p->fading = 1, p->found = p->has_gap = p->trials = p->slowed = p->rises = p->moment = 0;
   p->elapsed = p->gap_elapsed = p->already = 0.0f;
-  p->least = p->last = FARTHEST, p->onset = onset;
+  p->least = p->last = DEAREST, p->onset = onset;
   md_real faster = most(1.0f, fabsf(p->tempo));
   p->bound.speed = faster * FASTEST * bounds.speed, p->bound.acceleration = faster * faster * bounds.acceleration;
   p->course_at = t->at, p->course_tempo = p->tempo;
@@ -893,7 +890,7 @@ static void take_next(md_player *p) {
 
 /* ---- a lock to beats (beat_clock.py, references.Beats, phase_lock.py) ---- */
 
-MD_CALLED int captured(md_real interval) { return interval >= 0.98f * SHORTEST_BEAT && interval <= 1.02f * LONGEST_BEAT; }
+MD_CALLED int captured(md_real interval) { return interval >= (1.0f - SLACK) * SHORTEST_BEAT && interval <= (1.0f + SLACK) * LONGEST_BEAT; }
 
 MD_CALLED void begin_beats(md_beats *b, md_real ago) {
   b->last = ago, b->counted = 1, b->strays = b->was_stray = b->steady = 0;
@@ -910,8 +907,8 @@ static void second_beat(md_beats *b, md_real ago) {
 /* Whether the latest three intervals are alike and no whole number of periods. */
 static int another_tempo(md_beats *b, md_real interval) {
   md_real whole = most(rounded(interval / b->period), 1.0f);
-  int off = fabsf(interval - whole * b->period) > 0.2f * b->period;
-  int alike = fabsf(interval - b->interval) < 0.1f * interval;
+  int off = fabsf(interval - whole * b->period) > 0.20013f * b->period;
+  int alike = fabsf(interval - b->interval) < 0.10013f * interval;
   b->steady = off && alike ? b->steady + 1 : 0;
   b->interval = interval;
   return b->steady > 1 && captured(interval);
@@ -935,7 +932,7 @@ static void take_beat(md_beats *b, md_real ago, md_real dt) {
   } else if (another_tempo(b, before - ago)) {
     begin_beats(b, before);
     second_beat(b, ago);
-  } else if (periods < 1.0f || fabsf(error) > 0.3f * b->period) {
+  } else if (periods < 1.0f || fabsf(error) > 0.30013f * b->period) {
     b->was_stray = 1;
     b->strays += captured(before - ago);
     if (b->strays > 1) {
@@ -974,7 +971,7 @@ static md_real steered_tempo(md_player *p) {
     for (b->chosen = 1; b->chosen < 16 && beats > times(1.4142135f, b->chosen);) b->chosen *= 2;
   int steps = b->steps ? b->steps : b->chosen;
   md_real tempo = share_of(beats, steps), behind = b->phase + share_of((b->last + times(p->dt, b->ticks)) / b->period, steps) - phase_now(p);
-  md_real error = (behind - share_of(rounded_down(times(behind, steps) + (0.5f - TIE)), steps)) * seconds, size = fabsf(error);
+  md_real error = (behind - share_of(rounded(times(behind, steps)), steps)) * seconds, size = fabsf(error);
   if (size > 0.8f && !p->current && !p->fading && !p->paused && !p->blended) {
     md_real to = phase_now(p) + error / seconds;
     p->jump = to - rounded_down(to);
@@ -1303,7 +1300,7 @@ int md_blend(md_player *p, int first, int second, md_number weight_of_second) {
   md_real weight = IN(weight_of_second);
   int refused = playable(p, first), other = playable(p, second);
   if (refused || other) return refused ? refused : other;
-  if (!is_within(weight, -0.3f, 1.3f) || first == second) return MD_E_VALUE;
+  if (!is_within(weight, IN(MD(-0.3)), IN(MD(1.3))) || first == second) return MD_E_VALUE;
   if (!BLENDS || !motion_row(p->figure, first)->loop || !motion_row(p->figure, second)->loop || apart(p, first, second))
     return MD_E_BLEND;
   int turned = p->blended && md_playing(p) == second; /* the one that leads stays the first */

@@ -15,6 +15,7 @@ from math import ceil
 
 import numpy as np
 
+from controller.deck.joins.deck_motions import SUMMED
 from controller.deck.joins.fade_search import LONGEST, SHORTEST, TRIAL_EVERY
 from controller.deck.joins.join_limits import Bounds
 from controller.deck.joins.posture_blend import smooth_headings, weighted_mean
@@ -25,7 +26,6 @@ from controller.networks.centralized.centralized import Passage
 
 # The longest time between two moments at which a mixture is computed, s, and the fewest of them.
 _STEP, _FEWEST = 0.025, 16
-SUMMED = 1e-5  # s, the rounding error of a sum of many ticks, also of 32 bits in an exported player
 _LONGER = 1.1  # by which factor the time grows at least
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from controller.library.motion_library import MotionInfo, MotionLibrary, once_a_library
-from controller.motion.clip import between_frames
+from controller.motion.clip import between_frames, nearest
 from controller.motion.encodings.motion_matching import joint_features
 from controller.motion.rotations import Array, dot, normalise, rotate
 from controller.motion.skeleton import Posture, Skeleton, walk_path
@@ -30,6 +30,7 @@ def course_of(posture: Posture, skeleton: Skeleton) -> Array:
 ENTRY_SHARE = 0.1
 HELD_M = 0.02
 LEAST_SPEED, LEAST_ACCELERATION = 0.5, 2.0  # m/s, m/s^2; less is standing still
+SUMMED = 1e-5  # s, the rounding error of a sum of many ticks, also of 32 bits in an exported player
 PEAKS_OVER = 0.005  # s over which the largest speeds and accelerations are taken; over less a footfall is harder
 
 
@@ -84,9 +85,8 @@ class Motion:
 def rounds_beside(first: Motion, other: Motion) -> float:
     """Rounds of a loop per round of the first, when both stay in step."""
     # The shorter goes round a whole number of times in each round of the longer, as often as suits its own tempo best.
-    if first.seconds < other.seconds:
-        return 1.0 / round(other.seconds / first.seconds)
-    return float(round(first.seconds / other.seconds))
+    ratio = first.seconds / other.seconds
+    return float(nearest(ratio)) if ratio >= 1.0 else 1.0 / nearest(1.0 / ratio)
 
 
 def tempos_in_step(lasts: Sequence[float], weights: Sequence[float]) -> tuple[float, ...]:

@@ -16,6 +16,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from controller.deck.joins.deck_motions import SUMMED
 from controller.deck.joins.join_limits import Bounds
 from controller.deck.joins.transition import Fade, displaced
 from controller.motion.rotations import Array, cross, dot
@@ -173,7 +174,7 @@ class Fading:
     @property
     def lasts(self) -> bool:
         """Whether anything is left of the difference."""
-        return self._fade is None or self._elapsed < self._fade.duration or self._gap is not None
+        return self._fade is None or self._elapsed < self._fade.duration - SUMMED or self._gap is not None
 
     @property
     def found(self) -> bool:
@@ -193,7 +194,7 @@ class Fading:
             self._go_over_to(self._search.advance(dt))
         self._elapsed += dt
         self._gap_elapsed += dt
-        if self._gap is not None and self._gap_elapsed >= self._gap.duration:
+        if self._gap is not None and self._gap_elapsed >= SHORTEST - SUMMED:
             self._gap = None
         self._turned += turn_rate * dt
 

@@ -20,14 +20,17 @@ and so do three intervals that are alike and no whole number of periods: at some
 two of three beats fall near the old beat.
 """
 
+from controller.motion.clip import nearest
+
 SHORTEST, LONGEST = 0.25, 1.5  # periods that are captured, s: 240 to 40 beats a minute
-GATE = 0.3  # a beat that is off by more, in periods, is ignored
+# Where times are whole ms, as they are given, no beat lies just at one of these limits.
+GATE = 0.30013  # a beat that is off by more, in periods, is ignored
 # Intervals that differ by less are alike, of their length; off from whole numbers of periods, of a period.
-ALIKE, OFF = 0.1, 0.2
+ALIKE, OFF = 0.10013, 0.20013
 MOST_LOST = 8  # periods without a beat after which the next two beats begin it anew
 _ROOT = 0.7
 _GAIN, _PERIOD_GAIN = 1.0 - _ROOT**2, (1.0 - _ROOT) ** 2
-_SLACK = 0.02  # of the limits of captured periods, which a beat at the limit and a tick of rounding still keep
+_SLACK = 0.02013  # of the limits of captured periods, which a beat at the limit and a tick of rounding still keep
 
 
 class BeatClock:
@@ -56,7 +59,7 @@ class BeatClock:
     def _take(self, time: float, before: float, period: float) -> None:
         """Takes a beat while a period is known; `before` is the time of the latest beat, a stray or not."""
         since = time - self.last
-        periods = round(since / period)
+        periods = nearest(since / period)
         error = since - periods * period
         if periods > MOST_LOST:
             self._begin(time)
@@ -65,8 +68,7 @@ class BeatClock:
             self._take_second(time)
         elif periods < 1 or abs(error) > GATE * period:
             self._was_stray = True
-            if _captured(time - before):
-                self._strays += 1
+            self._strays += _captured(time - before)
             if self._strays > 1:
                 self._begin(before)
                 self._take_second(time)
@@ -80,7 +82,7 @@ class BeatClock:
 
     def _is_steady_at_another_tempo(self, interval: float, period: float) -> bool:
         """Whether the latest three intervals, of which this is the last, are alike and no whole number of periods."""
-        whole = max(round(interval / period), 1)
+        whole = max(nearest(interval / period), 1)
         off = abs(interval - whole * period) > OFF * period
         alike = abs(interval - self._interval) < ALIKE * interval
         self._steady = self._steady + 1 if off and alike else 0

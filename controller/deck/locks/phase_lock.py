@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from controller.deck.locks.beat_clock import BeatClock
+from controller.motion.clip import nearest
 from controller.wire.leader_link import Sighting
 from controller.wire.messages.arguments import TEMPO
 from controller.wire.messages.deck_snapshot import LockState
@@ -30,8 +31,8 @@ _SHARE = 0.8  # of the rate of the tempo, that braking uses; the rest is left fo
 
 
 def wrapped(phase: float, modulus: float = 1.0) -> float:
-    """The same phase within half a modulus; one that lies so far off is ahead, and rounding does not choose the way."""
-    return phase - modulus * math.floor(phase / modulus + 0.49987)
+    """The same phase within half a modulus; one that lies so far off is behind."""
+    return phase - modulus * nearest(phase / modulus)
 
 
 def correction(error: float, rate: float) -> float:
@@ -91,9 +92,9 @@ class Beats:
         return 60.0 / self.clock.period if self.clock.period is not None else None
 
     def reference(self, playhead: LoopPlace) -> Reference | None:
-        """The phase that the beat asks for; without beats it goes on with the period that it had."""
+        """The phase that the beat asks of a loop; without beats it goes on with the period that it had."""
         clock = self.clock
-        if clock.period is None:
+        if clock.period is None or not playhead.loop:
             return None
         steps = self._steps or self._choose(playhead.seconds / clock.period)
         beats = (playhead.time - clock.last) / clock.period

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from controller.deck.joins.blend_weight import Crossing, CrossingSearch, ModuleTakeOver, Ramps, Weights
-from controller.deck.joins.deck_motions import Motion, rounds_beside, tempos_in_step
+from controller.deck.joins.deck_motions import SUMMED, Motion, rounds_beside, tempos_in_step
 from controller.deck.joins.fade_search import PLANNED_SHARE
 from controller.deck.joins.join_limits import FASTEST, HARDEST, Bounds
 from controller.deck.joins.posture_blend import PostureBlend
@@ -43,7 +43,7 @@ class BlendCheck:
             return "turns over"
         self._low, self._high = np.minimum(self._low, places), np.maximum(self._high, places)
         self._played += dt * abs(tempo)
-        if self._played < HALF_A_SECOND:
+        if self._played < HALF_A_SECOND - SUMMED:
             return ""
         still = float((self._high - self._low).max()) < self._least
         self._begin_window()

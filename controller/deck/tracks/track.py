@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from controller.deck.joins.deck_motions import Motion
+from controller.deck.joins.deck_motions import SUMMED, Motion
 from controller.deck.tracks.frame_player import FramePlayer
 from controller.library.motion_library import MotionLibrary
 from controller.motion.quintic import rise
@@ -16,7 +16,6 @@ from controller.networks.base import Activation, AutonomousNetwork, Channels, Fr
 from controller.networks.guard import Guard
 
 AHEAD = 3  # frames by which a player is ahead of its output
-SUMMED = 1e-9  # s, the rounding error of a sum of many ticks
 
 
 class Mixture:

@@ -8,6 +8,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from controller.motion.clip import nearest
 from controller.networks.base import Activation, Channels, Network, PhaseNetwork, lead_shape
 from controller.networks.keys import Keys
 from controller.networks.storage import StoredNetwork, arrays_of
@@ -77,7 +78,7 @@ class ClipPlayer(Network[Frames]):
     def seek(self, motion: str, phase: float) -> None:
         frames = len(self[motion])
         self.cue(motion, 0)
-        self._at = round(phase * frames) % frames if self.loops[motion] else round(phase * (frames - 1))
+        self._at = nearest(phase * frames) % frames if self.loops[motion] else nearest(phase * (frames - 1))
 
     def advance(self, out: Channels, noise: Activation | None = None) -> None:
         self._go(1, out)

@@ -128,6 +128,66 @@ def test_half_a_beat_off_the_way_round_is_not_left_to_rounding(phase):
     assert np.abs(ours.safe - deck.safe).max() < 1e-3
 
 
+EITHER = pytest.mark.parametrize("fixed", [False, pytest.param(True, marks=pytest.mark.thorough)])
+
+
+@cache
+def of_lengths(*lengths):
+    """A figure of loops of these numbers of frames, the last of a one-shot."""
+    library = joint_library(JOINTS, 1, loops=len(lengths) - 1, shots=1, lengths=lengths)
+    return figure_of(library, [f"joint{k}" for k in range(JOINTS)], LIMITS, 0.0 * ONES, 100.0)
+
+
+def same(lengths, script, ticks, fixed):
+    one = wide(in_fixed_point(of_lengths(*lengths)) if fixed else of_lengths(*lengths))
+    ours, deck = (plays(one, script, ticks, 0.0 * ONES) for plays in (player(fixed=fixed).trace, deck_plays))
+    assert ours.accepted == deck.accepted
+    return np.abs(ours.safe - deck.safe).max() < 1e-3
+
+
+@EITHER
+@pytest.mark.parametrize("late", [-6e-6, 6e-6])
+def test_a_round_that_ends_a_hair_from_a_tick_ends_in_the_same_tick(late, fixed):
+    tempo = (0.75 * 1.5 - late) / 1.2  # three quarters of a round in 120 ticks, and some us to come
+    script = [(10, commands.SetTempo(factor=tempo)), (60, commands.Jump(phase=0.25)), (100, commands.Queue(to="loop1"))]
+    assert same((180, 180, 150), script, 240, fixed)
+
+
+@EITHER
+def test_a_jump_to_halfway_between_frames_goes_to_the_same_one(fixed):
+    jumps = [(30 * n, commands.Jump(phase=round(0.01 + 0.02 * n, 2))) for n in range(1, 49)]  # a frame and a half, ...
+    assert same((150, 150), jumps, 1500, fixed)
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("fixed", [False, True])
+@pytest.mark.parametrize("lengths", [(120, 180), (180, 120), (60, 150), (150, 60)])
+def test_two_loops_of_which_one_is_half_as_long_again_stay_in_step_alike(lengths, fixed):
+    assert same((*lengths, 150), [(20, commands.Blend(first="loop0", second="loop1", weight=0.6))], 400, fixed)
+
+
+@EITHER
+def test_a_one_shot_does_not_choose_how_many_beats_a_round_has(fixed):
+    beats = [(20 + 80 * beat, commands.GiveBeat(ago=0.0)) for beat in range(8)]
+    script = [*beats, (420, commands.Switch(to="shot1"))]
+    script += [(480, commands.Switch(to="loop0", direct=True))]
+    assert same((150, 60), sorted(script, key=lambda row: row[0]), 650, fixed)
+
+
+@EITHER
+def test_numbers_at_the_ends_of_their_range_are_taken(fixed):
+    ends = [
+        *(commands.Blend(first="loop1", second="loop2", weight=weight) for weight in (-0.3, 1.3)),
+        *(commands.SetTempo(factor=factor, over=over) for factor, over in ((-3.0, 60.0), (3.0, 0.0))),
+        *(commands.LockPhase(source="beat", phase=phase, steps=steps) for phase, steps in ((0.0, 0), (1.0, 16))),
+        *(commands.GiveBeat(ago=ago) for ago in (-2.0, 2.0)),
+        *(commands.Layer(group="half", to="loop1", weight=w, tempo=t) for w, t in ((0.0, 0.0), (1.0, 3.0))),
+        *(commands.SetInput(name="joint1", value=value, seconds=0.05) for value in (-1.0, 1.0)),
+    ]
+    one, script = wide(in_fixed_point(figure()) if fixed else figure()), [(50, end) for end in ends]
+    assert player(fixed=fixed).trace(one, script, 60).accepted == [True] * len(ends)
+
+
 def test_a_chain_of_blends_never_plays_more_motions_than_the_deck():
     library, script = joint_library(JOINTS, 0, loops=8, shots=1), [(20, commands.Switch(to="loop1"))]
     for number, tick in enumerate(range(220, 340, 20), 1):

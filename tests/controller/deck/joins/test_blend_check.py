@@ -33,6 +33,12 @@ def test_what_does_not_move_stands_still(march):
     assert looked(BlendCheck(march, march), held, march.spacing) == ["stands still"] * 2
 
 
+@pytest.mark.parametrize("rate", [50, 60, 90, 100, 110, 120, 144])
+def test_half_a_second_takes_as_many_ticks_as_it_has(march, rate):
+    held = np.tile(march.places[:1], (4 * rate, 1))
+    assert looked(BlendCheck(march, march), held, 1.0 / rate) == ["stands still"] * 8
+
+
 def test_a_pause_is_no_standstill(march):
     assert looked(BlendCheck(march, march), np.tile(march.places[:1], (500, 1)), 0.0) == []
 

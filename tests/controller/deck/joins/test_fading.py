@@ -7,7 +7,7 @@ from controller.deck.joins import fade_search
 from controller.deck.joins.deck_motions import course_of
 from controller.deck.joins.fade_search import LONGEST, SHORTEST, FadeSearch, Fading
 from controller.deck.joins.join_limits import Bounds
-from controller.deck.joins.transition import displaced
+from controller.deck.joins.transition import Fade, displaced
 from controller.motion.rotations import conjugate, multiply, to_rotation_vector
 from controller.motion.skeleton import ROOT, Posture, Skeleton
 
@@ -29,6 +29,14 @@ def search_of(acceleration=60.0, trials=None):
         return course_of(resting, BODY)
 
     return FadeSearch(lambda: (TURN, RATE), ahead, BODY.chain, Bounds(np.inf, acceleration))
+
+
+@pytest.mark.parametrize(("seconds", "ticks"), [(0.449995, 45), (0.45, 45), (0.450005, 45), (0.45002, 46)])
+def test_a_fade_ends_with_the_tick_that_rounding_could_take_for_its_end(seconds, ticks):
+    search = search_of()
+    search.fade, search.found = Fade(seconds, seconds, TURN, RATE), True
+    search.advance = lambda dt: search.fade
+    assert len(run(Fading(search), 0.01)) - 1 == ticks
 
 
 def run(fading, dt):

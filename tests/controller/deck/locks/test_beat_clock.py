@@ -82,6 +82,16 @@ def test_a_tempo_that_changes_is_followed_as_far_behind_as_the_loop_promises(rat
     assert np.abs(errors).max() < 1.1 * 0.49 / 0.09 * longest**3 * abs(ramp) / 60.0 + 1e-6
 
 
+def test_beats_in_whole_ms_are_taken_alike_whatever_their_last_bits_are():
+    """Beats came to lie just at a limit of the clock; it and its twin of 32 bits decided differently."""
+    generator = np.random.default_rng(0)
+    for _ in range(500):
+        since = generator.choice([5, 50, 100, 245, 250, 325, 350, 450, 500, 650, 1000, 1530, 2550], 8)
+        times = 1e-3 * np.cumsum(since)
+        for one in (heard(times * (1.0 + 1e-7)), heard(times * (1.0 - 1e-7))):
+            assert (one.counted, one.period) == pytest.approx((heard(times).counted, heard(times).period), rel=1e-4)
+
+
 @given(RATES, RATES)
 @example(89.0, 138.0)  # two of three beats fall near the old ones
 @example(138.2, 84.3)
