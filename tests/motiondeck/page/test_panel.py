@@ -2,7 +2,8 @@
 
 import threading
 import time
-from contextlib import closing
+from contextlib import closing, suppress
+from functools import partial
 
 import pytest
 from playwright.sync_api import expect
@@ -16,6 +17,7 @@ from motiondeck.page.panel import Panel
 from motiondeck.page.web.page_state import PageDescription
 from motiondeck.page.web.parts import PageParts
 from motiondeck.page.web.private_page import PrivatePage
+from motiondeck_base.errors import MotiondeckError
 from waiting import PATIENCE, free_port, until
 
 MOTIONS = ["walk", "jog", "crawl", "standup", "waltz"]
@@ -178,10 +180,15 @@ def test_live_values_are_shown_where_a_joint_or_a_gaze_takes_them_also_without_g
     assert ("live-values" in shown) == bool((live or gazes) and file)
 
 
+def reopened(port):
+    with suppress(MotiondeckError):  # the one before may still be closing it
+        return PrivatePage(port, "test")
+
+
 @pytest.mark.thorough
 @pytest.mark.parametrize(("ended", "said"), [(False, '"NO CONNECTION"'), (True, "none")])
-def test_a_page_says_that_it_lost_a_deck_but_not_after_the_end(browser, ended, said):
-    page = PrivatePage(free_port(), "test")
+def test_a_page_says_that_it_lost_a_deck_but_not_after_the_end_and_comes_back(browser, ended, said):
+    page = PrivatePage(page_port := free_port(), "test")
     with closing(CommandClient(free_port())) as client, closing(browser.new_page()) as tab:
         about = PageDescription(model_file="", robot="test", motions=MOTIONS)
         panel = Panel(page, about, client, look_from=lambda *_: None)
@@ -198,5 +205,20 @@ def test_a_page_says_that_it_lost_a_deck_but_not_after_the_end(browser, ended, s
         until(tab.locator("div[style*='pointer-events: none'] #state-line").count, "the lost link")
         style = "e => getComputedStyle(e, '::before').content"
         until(lambda: tab.locator("#state-line").evaluate(style) == said, said)
+        expect(tab.locator("body > .notices .lost")).to_be_visible(visible=not ended)
         tab.get_by_role("button", name="Operate", exact=True).dispatch_event("click")
         expect(tab.locator(".operate .link")).to_be_visible(visible=not ended)
+        notice = tab.locator(".operate .notice.lost")
+        expect(notice).to_be_visible(visible=not ended)
+        if not ended:
+            expect(notice).to_contain_text("No connection to the deck: the robot may still move. Reconnecting.")
+            expect(tab.locator(".operate .stop")).to_have_text("STOP NOT CONNECTED")
+        again = until(partial(reopened, page_port), "the port")  # the browser finds it by itself
+        Panel(again, about, client, look_from=lambda *_: None).show(state())
+        try:
+            expect(tab.locator(".operate .word")).to_have_text("PLAYING")
+            expect(notice).to_be_hidden()
+            expect(tab.locator(".operate .stop")).to_have_text("EMERGENCY STOP")
+            expect(tab.locator(".operate .stop")).to_be_enabled()
+        finally:
+            again.stop()

@@ -203,14 +203,15 @@ motiondeck.operate ??= (() => {
   };
   addEventListener("keydown", shut, true);
 
-  // The robot is drawn where this view has room for it; and a page that has lost its deck says so.
+  // The robot is drawn where this view has room for it; and the stop of a page that has lost its deck says so.
   setInterval(() => {
     const view = document.querySelector("body > .operate");
     if (!view) return;
     const { left, top, width, height } = view.querySelector(".robot").getBoundingClientRect();
     for (const [name, value] of Object.entries({ left, top, width, height })) root.style.setProperty(`--robot-${name}`, `${value}px`);
-    const link = document.querySelector("#part-events") && !document.querySelector('div[style*="pointer-events: none"] #state-line');
-    view.dataset.link = link || view.querySelector(".stop").disabled ? "" : "lost"; // after the end none is missed
+    const { link } = root.dataset;
+    view.dataset.link = link;
+    write(view.querySelector(".stop"), link ? "STOP NOT CONNECTED" : "EMERGENCY STOP");
   }, 100);
   return true;
 })();
