@@ -152,7 +152,6 @@ MD_CALLED md_wide product(md_real x, md_real y) { return md_wide::of((int64_t)x.
 static inline md_wide clearly_less(md_wide cost) { return md_wide::of(cost.raw - (cost.raw >> 10)); }
 static inline md_real times(md_real x, int n) { return md_real::of((int32_t)((uint32_t)x.raw * (uint32_t)n)); }
 static inline md_real share_of(md_real x, int n) { return md_real::of(x.raw < 0 ? -(int32_t)((0u - (uint32_t)x.raw) / (uint32_t)n) : (int32_t)((uint32_t)x.raw / (uint32_t)n)); }
-static inline int whole(md_real x) { return x.raw >> 25; }
 static inline md_real times_key(md_real weight, int16_t key) { /* weights are times 2^15 */
   return md_real::of(2 * key * (weight.raw >> 16) + ((key * (int32_t)(weight.raw & 0xFFFF)) >> 15));
 }

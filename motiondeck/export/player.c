@@ -56,7 +56,7 @@ enum { WORDS = 1, CHECKSUM, JOINTS, MOTIONS, TICK_RATE, FRAMES_A_TICK, LIMITS, M
 #define PER_LEVER (1.0f / LEVER)
 #define LEVER 4.0f      /* m, of the bone that stands for a joint and turns by 1 / LEVER of its angle (joint_angles.py) */
 #define HARD 8.0f       /* accelerations of motions are in units of HARD * HARD rad/s^2 */
-#define SOON 1e-5f      /* s; times that differ by less are the same */
+#define SOON 1.13e-3f   /* s; times that differ by less are the same (deck_motions.py) */
 #define NONE (-1)
 #define COARSE 4 /* anchors from one that is compared first to the next (spread_search.py) */
 #define CARRIED 0.4531f
@@ -85,7 +85,6 @@ static md_wide clearly_less(md_wide cost) { return cost * (1.0f - 1.0f / 1024.0f
 static md_real times(md_real x, int n) { return x * (float)n; }
 static md_real share_of(md_real x, int n) { return x / (float)n; }
 static md_real ratio(int k, int n) { return (float)k / (float)n; }
-static int whole(md_real x) { return (int)rounded_down(x); }
 static int nearest(md_real x) { return (int)rounded(x); }
 static int nearest_times(md_real x, int n) { return (int)rounded(x * (float)n); }
 static md_time multiple(md_real x, int n) { return x * (float)n; }
@@ -316,7 +315,12 @@ static md_real phase_of(const md_track *t, int place) {
 static void step_track(const md_player *p, md_track *t, int ticks, md_real tempo) {
   md_real shift = ticks ? tempo : 0.0f;
   md_time round = t->motion->seconds;
+#ifdef MD_FIXED
   t->at += scaled(p->tick_time, shift);
+#else
+  md_time step = scaled(p->tick_time, shift) - t->beyond, sum = t->at + step; /* as Kahan sums */
+  t->beyond = (sum - t->at) - step, t->at = sum;
+#endif
   if (!t->motion->loop) t->at = bounded(t->at, t->first, t->last);
   if (t->motion->loop && fabsf(t->at) > round + round) {
     if (t->at > round) round = -round;
@@ -416,7 +420,8 @@ static int search_entry(md_player *p) {
 static void enter_found(const md_player *p, md_track *t) {
   const md_motion *m = motion_row(p->figure, p->entering);
   int late = (int)((unsigned)(compared(m) - 1) / m->searched) + 1, anchors = (int)m->anchors;
-  int carried = m->loop ? whole(times(p->dt, late) * p->tempo / m->spacing + CARRIED) : 0;
+  md_real spacing = m->spacing, left;
+  int carried = m->loop ? whole_times(times(p->dt, late) * p->tempo + CARRIED * spacing, spacing, &left) : 0;
   enter_anchor(p, t, m, around(p->entry + carried, anchors));
 }
 

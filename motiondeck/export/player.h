@@ -140,6 +140,9 @@ typedef struct {
   md_real fraction; /* of the way from the second frame to the third */
   md_real weight, weight_from, weight_to, lasts; /* in a blend; how long a round lasts there, s */
   md_time at, first, last; /* s into the motion, and where it has ended or gone round */
+#ifndef MD_FIXED
+  md_time beyond; /* by how much `at` was rounded up */
+#endif
   md_real frame[4][MD_MOST_JOINTS], before[MD_MOST_JOINTS], now[MD_MOST_JOINTS]; /* rad */
 } md_track;
 

@@ -153,6 +153,15 @@ def test_a_round_that_ends_a_hair_from_a_tick_ends_in_the_same_tick(late, fixed)
     assert same((180, 180, 150), script, 240, fixed)
 
 
+@pytest.mark.thorough
+@EITHER
+@pytest.mark.parametrize(("tick", "tempo"), [(3000, 1.0), (12000, 2.0)])
+def test_after_minutes_a_round_still_ends_in_the_tick_of_the_deck(tick, tempo, fixed):
+    """A round of 150 ticks came to end a tick later, since 32 bits had lost as much of each tick."""
+    script = [(10, commands.SetTempo(factor=tempo)), (60, commands.Jump(phase=0.2)), (tick, commands.Queue(to="loop1"))]
+    assert same((180, 150, 60), script, tick + 250, fixed)
+
+
 @EITHER
 def test_a_jump_to_halfway_between_frames_goes_to_the_same_one(fixed):
     jumps = [(30 * n, commands.Jump(phase=round(0.01 + 0.02 * n, 2))) for n in range(1, 49)]  # a frame and a half, ...
@@ -172,6 +181,14 @@ def test_a_one_shot_does_not_choose_how_many_beats_a_round_has(fixed):
     script = [*beats, (420, commands.Switch(to="shot1"))]
     script += [(480, commands.Switch(to="loop0", direct=True))]
     assert same((150, 60), sorted(script, key=lambda row: row[0]), 650, fixed)
+
+
+@pytest.mark.thorough
+@EITHER
+@pytest.mark.parametrize("tempo", [-3.0, 2.0, 3.0])
+def test_a_long_loop_is_entered_as_much_further_on_as_its_search_took(tempo, fixed):
+    script = [(10, commands.SetTempo(factor=tempo)), (200, commands.Switch(to="loop1"))]
+    assert same((600, 600, 60), script, 400, fixed)
 
 
 @EITHER

@@ -31,7 +31,7 @@ def search_of(acceleration=60.0, trials=None):
     return FadeSearch(lambda: (TURN, RATE), ahead, BODY.chain, Bounds(np.inf, acceleration))
 
 
-@pytest.mark.parametrize(("seconds", "ticks"), [(0.449995, 45), (0.45, 45), (0.450005, 45), (0.45002, 46)])
+@pytest.mark.parametrize(("seconds", "ticks"), [(0.449, 45), (0.45, 45), (0.45001, 45), (0.451, 45), (0.4512, 46)])
 def test_a_fade_ends_with_the_tick_that_rounding_could_take_for_its_end(seconds, ticks):
     search = search_of()
     search.fade, search.found = Fade(seconds, seconds, TURN, RATE), True
