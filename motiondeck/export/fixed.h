@@ -31,7 +31,19 @@ MD_CALLED int32_t md_multiplied(int32_t a, int32_t b) {
 #endif
 }
 
-/* x / y, rounded down, as far as it can be told. */
+/* x / y, rounded down. */
+#ifdef __ARM_ARCH_6M__ /* cannot divide; the library's division has six times as many bytes */
+MD_CALLED uint32_t md_part(uint32_t x, uint32_t y) {
+  uint32_t bit = 1, part = 0;
+  for (; y < x && (int32_t)y > 0; y <<= 1) bit <<= 1;
+  for (; bit; bit >>= 1, y >>= 1)
+    if (x >= y) x -= y, part |= bit;
+  return part;
+}
+#else
+static inline uint32_t md_part(uint32_t x, uint32_t y) { return x / y; }
+#endif
+/* The same, as far as it can be told. */
 MD_CALLED int32_t md_quotient(uint64_t x, uint32_t y) {
   uint32_t high = (uint32_t)(x >> 32), low = (uint32_t)x;
   if (high >= y >> 1) return INT32_MAX;
@@ -131,37 +143,30 @@ struct md_time {
 };
 
 MD_CALLED md_real sqrtf(md_real x) { return md_real::of((int32_t)md_root((uint64_t)x.raw << 25)); }
-static inline md_real sqrtf(md_wide x) { return md_real::of(md_saturated((int64_t)md_root((uint64_t)x.raw))); }
+MD_CALLED md_real sqrtf(md_wide x) { return md_real::of(md_saturated((int64_t)md_root((uint64_t)x.raw))); }
 static inline md_real fabsf(md_real x) { return x.raw < 0 ? -x : x; }
 static inline md_real rounded_down(md_real x) { return md_real::of((int32_t)((uint32_t)x.raw & 0xFE000000u)); }
-static inline md_real rounded(md_real x) { return rounded_down(x + md_real(0.50013f)); }
+MD_CALLED md_real rounded(md_real x) { return rounded_down(x + md_real(0.50013f)); }
 static inline md_real copysignf(md_real x, md_real sign) { return (x.raw < 0) == (sign.raw < 0) ? x : -x; }
 
-/* exp x, for |x| < 4 */
-static inline md_real exponential(md_real x) {
-  md_real y = x * (1.0f / 64.0f), power = 1.0f + y * (1.0f + y * (0.5f + y * (1.0f / 6.0f + y * (1.0f / 24.0f))));
-  for (int doubled = 0; doubled < 6; doubled++) power *= power;
-  return power;
-}
-
 static inline md_time fabsf(md_time x) { return x.raw < 0 ? -x : x; }
-static inline md_time least(md_time x, md_time y) { return y < x ? y : x; }
-static inline md_time bounded(md_time x, md_time low, md_time high) { return x < low ? low : x > high ? high : x; }
+MD_CALLED md_time least(md_time x, md_time y) { return y < x ? y : x; }
+static inline md_time bounded(md_time x, md_time low, md_time high) { return least(-least(-x, -low), high); }
 MD_CALLED md_wide most(md_wide x, md_wide y) { return y > x ? y : x; }
 MD_CALLED md_wide product(md_real x, md_real y) { return md_wide::of((int64_t)x.raw * y.raw); }
 static inline md_wide clearly_less(md_wide cost) { return md_wide::of(cost.raw - (cost.raw >> 10)); }
 static inline md_real times(md_real x, int n) { return md_real::of((int32_t)((uint32_t)x.raw * (uint32_t)n)); }
-static inline md_real share_of(md_real x, int n) { return md_real::of(x.raw < 0 ? -(int32_t)((0u - (uint32_t)x.raw) / (uint32_t)n) : (int32_t)((uint32_t)x.raw / (uint32_t)n)); }
+static inline md_real share_of(md_real x, int n) {
+  int32_t size = (int32_t)md_part((uint32_t)fabsf(x).raw, (uint32_t)n);
+  return md_real::of(x.raw < 0 ? -size : size);
+}
 static inline md_real times_key(md_real weight, int16_t key) { /* weights are times 2^15 */
   return md_real::of(2 * key * (weight.raw >> 16) + ((key * (int32_t)(weight.raw & 0xFFFF)) >> 15));
 }
 /* Whole numbers near x and x * n, and k / n; none is negative. */
 static inline int nearest(md_real x) { return (int)(((uint32_t)x.raw + (1u << 24)) >> 25); }
 static inline int nearest_times(md_real x, int n) { return (int)(((int64_t)x.raw * n + md_units(0.50013, 33554432.0)) >> 25); }
-static inline md_real ratio(int k, int n) {
-  uint32_t first = ((uint32_t)k << 13) / (uint32_t)n, rest = ((uint32_t)k << 13) - first * (uint32_t)n;
-  return md_real::of((int32_t)(first << 12 | (rest << 12) / (uint32_t)n));
-}
+static inline md_real ratio(int k, int n) { return md_real::of(md_quotient((uint64_t)(uint32_t)k << 26, 2u * (uint32_t)n)); }
 static inline md_time multiple(md_real x, int n) { return md_time::of((int64_t)x.raw * n * 32); }
 static inline md_time scaled(md_time x, md_real by) { return md_time::of((x.raw * by.raw + (1 << 24)) >> 25); }
 static inline int whole_ticks(md_real seconds, md_time tick) { return md_quotient((uint64_t)(uint32_t)seconds.raw << 5, (uint32_t)tick.raw); }

@@ -23,11 +23,6 @@ MD_CALLED float rounded_down(float x) {
 }
 static float rounded_up(float x) { return -rounded_down(-x); }
 static float rounded(float x) { return rounded_down(x + 0.50013f); }
-MD_CALLED float cube_root(float x) {
-  float root = 1.0f + x;
-  for (int step = 0; step < 60; step++) root = (root + root + x / (root * root)) * (1.0f / 3.0f);
-  return x > 0.0f ? root : 0.0f;
-}
 #endif
 
 #include "envelope.c"
@@ -85,6 +80,7 @@ static md_wide clearly_less(md_wide cost) { return cost * (1.0f - 1.0f / 1024.0f
 static md_real times(md_real x, int n) { return x * (float)n; }
 static md_real share_of(md_real x, int n) { return x / (float)n; }
 static md_real ratio(int k, int n) { return (float)k / (float)n; }
+static uint32_t md_part(uint32_t x, uint32_t y) { return x / y; }
 static int nearest(md_real x) { return (int)rounded(x); }
 static int nearest_times(md_real x, int n) { return (int)rounded(x * (float)n); }
 static md_time multiple(md_real x, int n) { return x * (float)n; }
@@ -95,15 +91,15 @@ static int whole_times(md_time x, md_real y, md_real *share) {
   *share = x / y - n;
   return (int)n;
 }
-/* exp x, for |x| < 80 */
-static float exponential(float x) {
-  int32_t twos = (int32_t)(x * 1.44269504f + copysignf(0.5f, x));
-  float r = x - (float)twos * 0.693147181f, power;
-  uint32_t bits = (uint32_t)(twos + 127) << 23;
-  memcpy(&power, &bits, sizeof power);
-  return power * (1.0f + r * (1.0f + r * (0.5f + r * (1.0f / 6.0f + r * (1.0f / 24.0f + r * (1.0f / 120.0f + r / 720.0f))))));
-}
 #endif
+
+/* exp x, for |x| < 10 */
+static md_real exponential(md_real x) {
+  md_real part = x * (1.0f / 8.0f), power = 1.0f;
+  for (int n = 10; n > 0; n--) power = 1.0f + share_of(part * power, n);
+  for (int twice = 0; twice < 3; twice++) power *= power;
+  return power;
+}
 
 enum { RUNNING, BRAKING, LATCHED, HELD };           /* phases of the stop (stop_state.py) */
 enum { BEFORE, LAST, NOW }; /* of the angles of a joint */
@@ -126,7 +122,7 @@ static const EnvelopeLimits *limits_of(const uint32_t *figure) {
   return (const EnvelopeLimits *)(const void *)(figure + figure[LIMITS]);
 }
 static int motion_index(const md_player *p, const md_motion *m) { return (int)(m - motion_row(p->figure, 0)); }
-static int next_on_way(const md_player *p, int from, int to) {
+MD_CALLED int next_on_way(const md_player *p, int from, int to) {
   return ((const uint8_t *)(p->figure + p->figure[WAYS]))[from * (int)p->figure[MOTIONS] + to];
 }
 
@@ -184,6 +180,14 @@ static md_real exponent_at(const md_real *form, const md_real *state, int states
   for (int k = 0; k < states; k += 2) exponent += form[k] * state[k] + form[k + 1] * state[k + 1];
   return exponent;
 }
+/* exp x, for |x| < 80, as `exponential`, but quicker */
+static float response_of(float x) {
+  int32_t twos = (int32_t)(x * 1.44269504f + copysignf(0.5f, x));
+  float r = x - (float)twos * 0.693147181f, power;
+  uint32_t bits = (uint32_t)(twos + 127) << 23;
+  memcpy(&power, &bits, sizeof power);
+  return power * (1.0f + r * (1.0f + r * (0.5f + r * (1.0f / 6.0f + r * (1.0f / 24.0f + r * (1.0f / 120.0f + r / 720.0f))))));
+}
 /* Angles of a frame, rad, of a network: centers turn, satellites respond to where they are (centralized.py). Its words: the
    centers, the satellites; of each center its turns in a frame and at the first; of each joint the rest and the unit of its
    weights; of each satellite the linear form of its exponent; then of each the weights of all joints, 16 bits each. */
@@ -202,7 +206,7 @@ static void evaluate(const md_player *p, const md_motion *m, int frame, md_real 
   for (int count = 0; satellites--; weights += width) {
     md_real exponent = exponent_at(form, state, states);
     form += states + 1;
-    if (exponent >= LEAST_RESPONSE) response[count] = (int32_t)(1048576.0f * exponential(exponent)), row[count++] = weights;
+    if (exponent >= LEAST_RESPONSE) response[count] = (int32_t)(1048576.0f * response_of(exponent)), row[count++] = weights;
     if (count < 4 && (satellites || !count)) continue;
     for (; count < 4; count++) response[count] = 0, row[count] = row[0];
     for (int j = 0; j < joints; j++)
@@ -224,7 +228,7 @@ static void draw(const md_player *p, const md_motion *m, int frame, md_real *ang
     return;
   }
 #endif
-  int keys = m->loop ? count : count - 3, frames = m->loop ? moving : moving - 1, first = (int)((unsigned)(frame * keys) / (unsigned)frames);
+  int keys = m->loop ? count : count - 3, frames = m->loop ? moving : moving - 1, first = (int)md_part((uint32_t)(frame * keys), (uint32_t)frames);
   first = first < keys ? first : keys - 1;
   md_real u = ratio(frame * keys - first * frames, frames), w = 1.0f - u;
   md_real weight[4] = {w * w * w, (3.0f * u - 6.0f) * u * u + 4.0f, ((3.0f - 3.0f * u) * u + 3.0f) * u + 1.0f, u * u * u};
@@ -248,6 +252,16 @@ MD_CALLED int around(int number, int many) {
   return number;
 }
 
+/* Angles at an anchor, rad; a loop goes round, a one-shot is at rest before and after itself. */
+MD_CALLED void draw_anchor(const md_player *p, const md_motion *m, int anchor, md_real *angles) {
+  int anchors = (int)m->anchors;
+  if (m->loop)
+    anchor = around(anchor, anchors);
+  else
+    anchor = anchor < 0 ? 0 : anchor < anchors ? anchor : anchors - 1;
+  draw(p, m, anchor * (int)m->stride, angles);
+}
+
 static int after(const md_motion *m, int frame) {
   int last = (int)m->frames - 1;
   return frame < last ? frame + 1 : m->loop ? 0 : last;
@@ -269,6 +283,7 @@ static void take_from(const md_player *p, md_track *t, int place) {
 }
 MD_CALLED void begin_at(const md_player *p, md_track *t, const md_motion *m, int frame) {
   t->motion = m, t->fraction = 0.0f, t->forwards = 1, t->backwards = t->oldest = 0;
+  t->first = 0.0f, t->last = m->seconds;
   take(p, t, 0, frame);
 }
 
@@ -283,7 +298,7 @@ static void enter_phase(const md_player *p, md_track *t, const md_motion *m, md_
   } else {
     take_from(p, t, 1);
   }
-  t->at = least(scaled(m->whole, phase), m->seconds), t->first = 0.0f, t->last = m->seconds;
+  t->at = least(m->whole * phase, m->seconds);
 }
 
 static void enter_anchor(const md_player *p, md_track *t, const md_motion *m, int anchor) {
@@ -293,7 +308,7 @@ static void enter_anchor(const md_player *p, md_track *t, const md_motion *m, in
     begin_at(p, t, m, anchor * (int)m->stride);
     take_from(p, t, 1);
   }
-  t->at = multiple(m->spacing, anchor), t->first = 0.0f, t->last = m->seconds;
+  t->at = multiple(m->spacing, anchor);
   if (m->loop) t->first = t->at - m->seconds, t->last = t->at + m->seconds;
 }
 
@@ -374,15 +389,14 @@ MD_CALLED md_wide square_of(md_real turn) {
 /* How many anchors of a motion are compared: some all over it, then those about the best of these. */
 static int compared(const md_motion *m) { return ((int)m->entries + COARSE - 1) / COARSE + 2 * (COARSE - 1); }
 
-static void compare(md_player *p, const md_motion *m, int anchor) {
+MD_CALLED void compare(md_player *p, const md_motion *m, int anchor) {
   md_real back[MD_MOST_JOINTS], here[MD_MOST_JOINTS], next[MD_MOST_JOINTS];
   md_wide cost = NEXT_TO_NONE;
-  int last = (int)m->anchors - 1, stride = (int)m->stride;
-  int sides = m->loop || (anchor > 0 && anchor < last) ? 2 : 1;
+  int sides = m->loop || (anchor > 0 && anchor < (int)m->anchors - 1) ? 2 : 1;
   md_real reach = VELOCITY_REACH / times(m->spacing, sides), ahead = p->dt * (1.0f / VELOCITY_REACH);
-  draw(p, m, (anchor > 0 ? anchor - 1 : m->loop ? last : 0) * stride, back);
-  draw(p, m, anchor * stride, here);
-  draw(p, m, (anchor < last ? anchor + 1 : m->loop ? 0 : last) * stride, next);
+  draw_anchor(p, m, anchor - 1, back);
+  draw_anchor(p, m, anchor, here);
+  draw_anchor(p, m, anchor + 1, next);
   for (int j = 0; j < p->joints && cost < p->entry_cost; j++) {
     md_real own = chord(next[j] - back[j]) * reach, from = p->joint[j].entered_from, shown = p->joint[j].entered_reach;
     md_real apart = 0.5f * (next[j] + back[j] + ahead * shown) - from, faster = own - shown;
@@ -419,7 +433,7 @@ static int search_entry(md_player *p) {
 /* Enters the motion where that was, and as much further on as the search took. */
 static void enter_found(const md_player *p, md_track *t) {
   const md_motion *m = motion_row(p->figure, p->entering);
-  int late = (int)((unsigned)(compared(m) - 1) / m->searched) + 1, anchors = (int)m->anchors;
+  int late = (int)md_part((uint32_t)(compared(m) - 1), m->searched) + 1, anchors = (int)m->anchors;
   md_real spacing = m->spacing, left;
   int carried = m->loop ? whole_times(times(p->dt, late) * p->tempo + CARRIED * spacing, spacing, &left) : 0;
   enter_anchor(p, t, m, around(p->entry + carried, anchors));
@@ -428,7 +442,8 @@ static void enter_found(const md_player *p, md_track *t) {
 /* ---- fades (quintic.py, transition.Fade, fade_search.py) ---- */
 
 typedef struct {
-  md_real value, slope; /* what is left of a difference in place, and of the way on which its rate leads, s */
+  md_real value, slope;     /* what is left of a difference in place, and of the way on which its rate leads, s */
+  md_real leaving, turning; /* the rates of both */
 } Shares;
 
 /* From 0 at 0 to 1 at 1, at rest there: a quintic. */
@@ -437,16 +452,14 @@ static md_real smooth(md_real s) { return s * s * s * (10.0f + s * (6.0f * s - 1
 static const md_fade shortest = {SHORTEST, SHORTEST};
 
 static Shares left_of(const md_fade *fade, md_real elapsed) {
-  md_real s = least(elapsed / fade->duration, 1.0f), r = least(elapsed / fade->slowing, 1.0f);
-  Shares left = {1.0f - smooth(s),
-                 fade->slowing * (r + r * r * r * (-6.0f + r * (8.0f - 3.0f * r)))};
+  md_real s = least(elapsed / fade->duration, 1.0f), r = least(elapsed / fade->slowing, 1.0f), turn = s - s * s, rr = r * r;
+  Shares left = {1.0f - smooth(s), fade->slowing * (r + rr * r * (-6.0f + r * (8.0f - 3.0f * r))), -30.0f * turn * turn / fade->duration,
+                 1.0f + rr * (-18.0f + r * (32.0f - 15.0f * r))};
   return left;
 }
-static Shares leaving(const md_fade *fade, md_real elapsed) {
-  md_real s = least(elapsed / fade->duration, 1.0f), r = least(elapsed / fade->slowing, 1.0f), turn = s - s * s;
-  Shares rates = {-30.0f * turn * turn / fade->duration, 1.0f + r * r * (-18.0f + r * (32.0f - 15.0f * r))};
-  return rates;
-}
+/* What is left of a difference, and how fast that changes. */
+MD_CALLED md_real rest_of(const Shares *left, const md_difference *d) { return left->value * d->value + left->slope * d->rate; }
+MD_CALLED md_real change_of(const Shares *left, const md_difference *d) { return left->leaving * d->value + left->turning * d->rate; }
 
 /* Ends the trial of the candidate, and names the fade to go on with (FadeSearch._try). */
 static void end_trial(md_player *p, md_real step, const md_fade **next) {
@@ -487,22 +500,15 @@ static md_wide square(md_vector v) { return product(v.x, v.x) + product(v.y, v.y
 static void weigh(md_player *p, const md_fade **next) {
   const md_motion *m = p->track->motion;
   const md_fade *fade = &p->candidate;
-  int moments = nearest(MOMENTS * fade->duration / fade->slowing), anchors = (int)m->anchors, k = p->moment;
+  int moments = nearest(MOMENTS * fade->duration / fade->slowing), k = p->moment;
   md_real step = share_of(fade->duration, moments), time = times(step, k), way = ratio(k, moments);
   md_real low[MD_MOST_JOINTS], high[MD_MOST_JOINTS]; /* angles at the anchors around the moment */
   md_real risen = (1.0f - p->onset) * way * way;
   md_real share;
   int near = whole_times(p->course_at + p->course_tempo * time * (p->onset + risen * (1.0f / 3.0f)), m->spacing, &share);
-  int further = near + 1;
   Shares left = left_of(fade, time);
-  if (m->loop) {
-    near = around(near, anchors), further = near + 1 < anchors ? near + 1 : 0;
-  } else {
-    near = near < 0 ? 0 : near < anchors ? near : anchors - 1;
-    further = further < 0 ? 0 : further < anchors ? further : anchors - 1;
-  }
-  draw(p, m, near * (int)m->stride, low);
-  draw(p, m, further * (int)m->stride, high);
+  draw_anchor(p, m, near, low);
+  draw_anchor(p, m, near + 1, high);
   if (k == 0) p->fastest = p->hardest = 0.0f;
   md_wide hardest = p->hardest, fastest = p->fastest;
   md_real short_by = 0.5f * share * (1.0f - share) * PER_LEVER * PER_LEVER;
@@ -511,7 +517,7 @@ static void weigh(md_player *p, const md_fade **next) {
     md_joint *joint = p->joint + j;
     md_bone *bone = &joint->bone;
     md_real way_on = high[j] - low[j], length = 1.0f - short_by * way_on * way_on, both = length * bone->length;
-    md_real angle = low[j] + share * way_on, turn = left.value * joint->value + left.slope * joint->rate;
+    md_real angle = low[j] + share * way_on, turn = left.value * joint->whole.value + left.slope * joint->whole.rate;
     md_real turned = turn * PER_LEVER, ss = turned * turned;
     /* LEVER times its cosine less 1, and its sine, as far as decisions ask for them. */
     md_vector away = {-length * turn * turned * (1.0f / 2.0f - ss * (1.0f / 24.0f - ss * (1.0f / 720.0f))), length * way_of(turn)};
@@ -536,17 +542,12 @@ static void weigh(md_player *p, const md_fade **next) {
 /* Goes over to another fade; the gap between both runs out in turn (Fading._go_over_to). */
 static void go_over_to(md_player *p, const md_fade *fade) {
   if (fade->duration == p->fade.duration && fade->slowing == p->fade.slowing) return;
-  Shares was = left_of(&p->fade, p->elapsed), is = left_of(fade, p->elapsed);
-  Shares went = leaving(&p->fade, p->elapsed), goes = leaving(fade, p->elapsed);
-  Shares gap = left_of(&shortest, p->gap_elapsed), gap_goes = leaving(&shortest, p->gap_elapsed);
+  Shares was = left_of(&p->fade, p->elapsed), is = left_of(fade, p->elapsed), ending = left_of(&shortest, p->gap_elapsed);
+  Shares more = {was.value - is.value, was.slope - is.slope, was.leaving - is.leaving, was.turning - is.turning};
   for (md_joint *j = p->joint; j < p->joint + p->joints; j++) {
-    md_real value = (was.value - is.value) * j->value + (was.slope - is.slope) * j->rate;
-    md_real rate = (went.value - goes.value) * j->value + (went.slope - goes.slope) * j->rate;
-    if (p->has_gap) {
-      value += gap.value * j->gap_value + gap.slope * j->gap_rate;
-      rate += gap_goes.value * j->gap_value + gap_goes.slope * j->gap_rate;
-    }
-    j->gap_value = value, j->gap_rate = rate;
+    md_difference gap = {rest_of(&more, &j->whole), change_of(&more, &j->whole)};
+    if (p->has_gap) gap.value += rest_of(&ending, &j->gap), gap.rate += change_of(&ending, &j->gap);
+    j->gap = gap;
   }
   p->fade = *fade, p->has_gap = 1, p->gap_elapsed = 0.0f;
 }
@@ -567,8 +568,8 @@ static void begin_fade(md_player *p, md_real onset, md_bounds bounds) {
   const md_track *t = p->track;
   for (int k = 0; k < p->joints; k++) {
     md_joint *j = p->joint + k;
-    j->value = j->angle[NOW] - t->now[k];
-    j->rate = (j->value - (j->angle[LAST] - t->before[k])) / p->dt;
+    j->whole.value = j->angle[NOW] - t->now[k];
+    j->whole.rate = (j->whole.value - (j->angle[LAST] - t->before[k])) / p->dt;
   }
   p->fade = p->candidate = p->best = shortest;
   p->fading = 1, p->found = p->has_gap = p->trials = p->slowed = p->rises = p->moment = 0;
@@ -644,7 +645,6 @@ static void step_blend(md_player *p) {
   p->crossing = p->weighed < p->weighing - SOON;
   change = p->crossing ? p->weighed / p->weighing : 1.0f;
   change = smooth(change);
-  own[0] = 1.0f;
   for (int k = 0; k <= p->blended; k++) {
     p->track[k].weight = (1.0f - change) * p->track[k].weight_from + change * p->track[k].weight_to;
     own[k] = p->track[k].lasts / p->track->lasts;
@@ -790,7 +790,7 @@ MD_CALLED void show_track(md_player *p) {
 }
 
 /* Goes a tick on; whether a fade has been completed with it. */
-static int perform(md_player *p) {
+MD_CALLED int perform(md_player *p) {
   int completed = 0;
   if (BLENDS && p->blended) {
     step_blend(p);
@@ -804,8 +804,8 @@ static int perform(md_player *p) {
     if (p->elapsed < p->fade.duration - SOON || p->has_gap) {
       Shares left = left_of(&p->fade, p->elapsed), gap = left_of(&shortest, p->gap_elapsed);
       for (md_joint *j = p->joint; j < p->joint + p->joints; j++) {
-        j->angle[NOW] += left.value * j->value + left.slope * j->rate;
-        if (p->has_gap) j->angle[NOW] += gap.value * j->gap_value + gap.slope * j->gap_rate;
+        j->angle[NOW] += rest_of(&left, &j->whole);
+        if (p->has_gap) j->angle[NOW] += rest_of(&gap, &j->gap);
       }
     } else {
       p->fading = 0, completed = 1;
@@ -988,7 +988,7 @@ static md_real steered_tempo(md_player *p) {
 }
 
 /* A tick later. A beat that is long ago is as well as one by so many rounds later. */
-static void keep_time(md_beats *b, md_real dt) {
+MD_CALLED void keep_time(md_beats *b, md_real dt) {
   int beats = b->steps ? b->steps : 16;
   md_real passed = times(dt, ++b->ticks);
   if (passed < 1.0f) return;
@@ -1057,11 +1057,12 @@ static void mix_layers(md_player *p) {
     md_real most_change = TEMPO_RATE * p->dt, apart = 0.0f;
     l->tempo += bounded(l->commanded_tempo - l->tempo, -most_change, most_change);
     step_track(p, &l->track, 1, p->tempo * l->tempo);
-    for (int j = 0; j < p->joints; j++)
-      if (l->joints >> j & 1) apart = most(apart, fabsf(l->track.now[j] - p->targets[j]));
+    for (int j = 0; j < p->joints; j++) {
+      if (!(l->joints >> j & 1)) l->track.now[j] = p->targets[j];
+      apart = most(apart, fabsf(l->track.now[j] - p->targets[j]));
+    }
     if (!arrived(&l->share) || l->share.pace != 0.0f) approach_share(&l->share, apart, p->dt, may[k]);
-    for (int j = 0; j < p->joints; j++)
-      if (l->joints >> j & 1) p->targets[j] += l->share.share * (l->track.now[j] - p->targets[j]);
+    for (int j = 0; j < p->joints; j++) p->targets[j] += l->share.share * (l->track.now[j] - p->targets[j]);
   }
   for (int k = 0; k < p->layers; k++) {
     const md_share *s = &p->layer[k].share;
@@ -1155,46 +1156,61 @@ static void go_there(md_player *p) {
   for (int j = 0; j < p->joints; j++) p->joint[j].to = bounded(p->targets[j], l[j].lower, l[j].upper);
 }
 
-/* How many ticks the joints need at least from where they are to where they go; the part of them that has passed. */
+/* Limits of speed, acceleration and jerk are kept in some ticks if the way is at most the limit times so many ticks, or their
+   second or third power, by these; the part of some ticks that has passed. */
 #ifdef MD_FIXED
-static uint64_t cut(uint64_t x) { return x >> 33 ? 1ull << 33 : x; }
-static int too_soon(uint64_t way, const EnvelopeLimits *l, uint64_t ticks) { /* 2^-16 */
-  uint64_t twice = cut((uint32_t)l->j.raw * ticks >> 16) * ticks >> 20;
-  return (uint32_t)l->v.raw * ticks < way * 122880u || cut((uint32_t)l->a.raw * ticks >> 16) * ticks < way * 378373u ||
-         cut(twice) * ticks < way * 245760u;
+typedef uint32_t md_ticks; /* 2^-16 */
+typedef uint64_t md_reach;
+#define FINEST 1u
+#define MOST_TICKS (1u << 29)
+static const md_ticks peaks[3] = {122880u, 378373u, 3932160u};
+static md_reach reach_of(md_real x) { return (uint32_t)x.raw; }
+static md_reach grown(md_reach reach, md_ticks ticks) {
+  reach = reach * ticks >> 16;
+  return reach >> 34 ? 1ull << 34 : reach;
 }
-static md_time ticks_needed(const md_player *p) {
-  uint64_t ticks = 0;
-  for (int j = 0; j < p->joints; j++) {
-    const EnvelopeLimits *l = limits_of(p->figure) + j;
-    uint64_t way = (uint32_t)fabsf(p->joint[j].to - p->joint[j].from).raw;
-    if (!too_soon(way, l, ticks)) continue;
-    ticks = 1;
-    for (uint64_t more = 1u << 29; more; more >>= 1)
-      if (too_soon(way, l, ticks + more - 1)) ticks += more;
-  }
-  return md_time::of((int64_t)ticks << 14);
-}
+static md_time time_of(md_ticks ticks) { return md_time::of((int64_t)ticks << 14); }
 static md_real part_of(int tick, md_time ticks) {
   int32_t part = md_quotient((uint64_t)tick << 41, (uint32_t)(ticks.raw >> 14));
   return md_real::of(part < 1 << 25 ? part : 1 << 25);
 }
 #else
-static md_time ticks_needed(const md_player *p) {
-  float ticks[3] = {0.0f, 0.0f, 0.0f}; /* by the limits of velocity, acceleration and jerk */
-  for (int j = 0; j < p->joints; j++) {
-    const EnvelopeLimits *l = limits_of(p->figure) + j;
-    float distance = fabsf(p->joint[j].to - p->joint[j].from), limits[3] = {l->v, l->a, l->j};
-    for (int k = 0; k < 3; k++) ticks[k] = most(ticks[k], distance / limits[k]);
-  }
-  return most(most(1.875f * ticks[0], sqrtf(5.7735027f * ticks[1])), cube_root(60.0f * ticks[2]));
-}
+typedef float md_ticks, md_reach;
+#define FINEST (1.0f / 65536.0f)
+#define MOST_TICKS 1048576.0f
+static const float peaks[3] = {1.875f, 5.7735027f, 60.0f};
+static md_reach reach_of(md_real x) { return x; }
+static md_reach grown(md_reach reach, md_ticks ticks) { return reach * ticks; }
+static md_time time_of(md_ticks ticks) { return ticks; }
 static md_real part_of(int tick, md_time ticks) { return least((float)tick / ticks, 1.0f); }
 #endif
 
+/* Whether a joint needs more ticks for its way. */
+static int too_soon(md_real way, const EnvelopeLimits *l, md_ticks ticks) {
+  md_real limits[3] = {l->v, l->a, l->j};
+  for (int k = 0; k < 3; k++) {
+    md_reach reach = reach_of(limits[k]);
+    for (int n = k; n; n--) reach = grown(reach, ticks);
+    if (reach * ticks < reach_of(way) * peaks[k]) return 1;
+  }
+  return 0;
+}
+
+/* How many ticks the joints need at least from where they are to where they go. */
+static md_ticks ticks_needed(const md_player *p) {
+  md_ticks ticks = 0;
+  for (int j = 0; j < p->joints; j++) {
+    const EnvelopeLimits *l = limits_of(p->figure) + j;
+    md_real way = fabsf(p->joint[j].to - p->joint[j].from);
+    for (md_ticks more = too_soon(way, l, ticks) ? MOST_TICKS : 0; more >= FINEST; more /= 2)
+      if (too_soon(way, l, ticks + more - FINEST)) ticks += more;
+  }
+  return ticks;
+}
+
 static void start_approach(md_player *p) {
   for (int j = 0; j < p->joints; j++) p->joint[j].from = joints_of(p)[j].p;
-  md_time ticks = ticks_needed(p);
+  md_time ticks = time_of(ticks_needed(p));
   p->approach = ticks + ticks + ticks + ticks;
   p->tick = 0, p->way = MOVING;
 }
@@ -1206,7 +1222,7 @@ static const md_real *approach(md_player *p) {
   return follow(p, targets);
 }
 
-static void halt(md_player *p) { p->paused = 1, p->tempo_rate = TEMPO_RATE; }
+MD_CALLED void halt(md_player *p) { p->paused = 1, p->tempo_rate = TEMPO_RATE; }
 
 static void set_phase(md_player *p, int phase) {
   if (phase == p->phase) return;
@@ -1270,28 +1286,27 @@ int md_begin(md_player *p, const uint32_t *figure, const md_number *measured) {
 
 static int stopped(const md_player *p) { return p->phase == LATCHED || (p->phase == BRAKING && p->demanded); }
 
-static void let_go_on(md_player *p) {
-  if (p->phase == HELD) set_phase(p, RUNNING);
+/* What a command answers that takes numbers from low to high. */
+MD_CALLED int refused(const md_player *p, md_real x, md_real low, md_real high) {
+  if (stopped(p)) return MD_E_STOPPED;
+  return x >= low && x <= high ? 0 : MD_E_VALUE;
 }
-
-static int is_within(md_real x, md_real low, md_real high) { return x >= low && x <= high; }
 
 static int playable(const md_player *p, int motion) {
   if (stopped(p)) return MD_E_STOPPED;
   return motion >= 0 && motion < md_motions(p->figure) ? 0 : MD_E_MOTION;
 }
 
-static int played(md_player *p) {
-  if (p->phase != RUNNING) {
-    let_go_on(p);
-    p->paused = 0;
-  }
+static int go_on(md_player *p) {
+  if (p->phase == HELD) set_phase(p, RUNNING);
+  p->paused = 0;
   return 0;
 }
+static int played(md_player *p) { return p->phase == RUNNING ? 0 : go_on(p); }
 
 int md_switch(md_player *p, int motion, int direct) {
-  int refused = playable(p, motion);
-  if (refused) return refused;
+  int wrong = playable(p, motion);
+  if (wrong) return wrong;
   int under_way = p->current && p->going_to == motion && p->with == NONE && motion_row(p->figure, motion)->loop;
   p->queued = 0;
   if (!under_way || (direct && p->ahead != NONE)) {
@@ -1303,9 +1318,9 @@ int md_switch(md_player *p, int motion, int direct) {
 
 int md_blend(md_player *p, int first, int second, md_number weight_of_second) {
   md_real weight = IN(weight_of_second);
-  int refused = playable(p, first), other = playable(p, second);
-  if (refused || other) return refused ? refused : other;
-  if (!is_within(weight, IN(MD(-0.3)), IN(MD(1.3))) || first == second) return MD_E_VALUE;
+  int wrong = playable(p, first) | playable(p, second); /* one number, whichever answers it */
+  if (wrong) return wrong;
+  if (refused(p, weight, IN(MD(-0.3)), IN(MD(1.3))) || first == second) return MD_E_VALUE;
   if (!BLENDS || !motion_row(p->figure, first)->loop || !motion_row(p->figure, second)->loop || apart(p, first, second))
     return MD_E_BLEND;
   int turned = p->blended && md_playing(p) == second; /* the one that leads stays the first */
@@ -1315,8 +1330,8 @@ int md_blend(md_player *p, int first, int second, md_number weight_of_second) {
 }
 
 int md_queue(md_player *p, int motion) {
-  int refused = playable(p, motion);
-  if (refused) return refused;
+  int wrong = playable(p, motion);
+  if (wrong) return wrong;
   if (p->queued == MD_MOST_QUEUED) return MD_E_FULL;
   finish_round(p->track);
   p->queue[p->queued++] = (uint8_t)motion;
@@ -1325,8 +1340,8 @@ int md_queue(md_player *p, int motion) {
 
 int md_tempo(md_player *p, md_number factor, md_number within) {
   md_real tempo = IN(factor), over = IN(within);
-  if (stopped(p)) return MD_E_STOPPED;
-  if (!is_within(tempo, -3.0f, 3.0f) || !is_within(over, 0.0f, 60.0f)) return MD_E_VALUE;
+  int wrong = refused(p, tempo, -3.0f, 3.0f) | refused(p, over, 0.0f, 60.0f);
+  if (wrong) return wrong;
   md_real change = fabsf(tempo - (p->paused ? 0.0f : p->tempo));
   p->commanded_tempo = tempo, p->beats.locked = 0;
   p->tempo_rate = over > 0.0f ? least(TEMPO_RATE, change / over) : TEMPO_RATE;
@@ -1335,8 +1350,9 @@ int md_tempo(md_player *p, md_number factor, md_number within) {
 
 int md_lock(md_player *p, md_number at, int steps) {
   md_real phase = IN(at);
-  if (stopped(p)) return MD_E_STOPPED;
-  if (!is_within(phase, 0.0f, 1.0f) || steps < 0 || steps > 16) return MD_E_VALUE;
+  int wrong = refused(p, phase, 0.0f, 1.0f);
+  if (wrong) return wrong;
+  if (steps < 0 || steps > 16) return MD_E_VALUE;
   clear(&p->beats, sizeof p->beats);
   p->beats.locked = 1, p->beats.phase = phase, p->beats.steps = steps;
   return 0;
@@ -1344,22 +1360,19 @@ int md_lock(md_player *p, md_number at, int steps) {
 
 int md_beat(md_player *p, md_number since) {
   md_real ago = IN(since);
-  if (stopped(p)) return MD_E_STOPPED;
-  if (!is_within(ago, -2.0f, 2.0f)) return MD_E_VALUE;
+  int wrong = refused(p, ago, -2.0f, 2.0f);
+  if (wrong) return wrong;
   if (!p->beats.locked) md_lock(p, OUT(0.0f), 0);
   take_beat(&p->beats, ago, p->dt);
   return 0;
 }
 
-int md_unlock(md_player *p) {
-  if (stopped(p)) return MD_E_STOPPED;
-  return md_tempo(p, OUT(p->commanded_tempo), OUT(0.0f));
-}
+int md_unlock(md_player *p) { return md_tempo(p, OUT(p->commanded_tempo), OUT(0.0f)); }
 
 int md_jump(md_player *p, md_number to) {
   md_real phase = IN(to);
-  if (stopped(p)) return MD_E_STOPPED;
-  if (!is_within(phase, 0.0f, 1.0f)) return MD_E_VALUE;
+  int wrong = refused(p, phase, 0.0f, 1.0f);
+  if (wrong) return wrong;
   if (p->blended) return MD_E_BLEND;
   p->jump = phase;
   return 0;
@@ -1377,9 +1390,10 @@ int md_layer(md_player *p, uint64_t joints, int motion, md_number share_of_it, m
     end_layers(p, joints);
     return 0;
   }
-  int refused = playable(p, motion);
-  if (refused) return refused;
-  if (!is_within(weight, 0.0f, 1.0f) || !is_within(tempo, 0.0f, 3.0f)) return MD_E_VALUE;
+  int wrong = playable(p, motion);
+  if (wrong) return wrong;
+  wrong = refused(p, weight, 0.0f, 1.0f) | refused(p, tempo, 0.0f, 3.0f);
+  if (wrong) return wrong;
   const md_motion *m = motion_row(p->figure, motion);
   md_bounds bounds = wider(m->bounds, p->track->motion->bounds);
   md_layer_state *latest = 0;
@@ -1404,8 +1418,9 @@ int md_layer(md_player *p, uint64_t joints, int motion, md_number share_of_it, m
 
 int md_live(md_player *p, int joint, md_number place, md_number lasting) {
   md_real value = IN(place), seconds = IN(lasting);
-  if (stopped(p)) return MD_E_STOPPED;
-  if (joint < 0 || joint >= p->joints || !is_within(value, -1.0f, 1.0f) || !(seconds >= 0.05f)) return MD_E_VALUE;
+  int wrong = refused(p, value, -1.0f, 1.0f) | refused(p, seconds, 0.05f, 1e30f);
+  if (wrong) return wrong;
+  if (joint < 0 || joint >= p->joints) return MD_E_VALUE;
   const EnvelopeLimits *limits = limits_of(p->figure) + joint;
   md_live_state *l = p->live + joint;
   md_real zero = bounded(0.0f, limits->lower, limits->upper), hard = HARD * p->dt;
@@ -1424,10 +1439,7 @@ int md_pause(md_player *p) {
 }
 
 int md_resume(md_player *p) {
-  if (stopped(p)) return MD_E_STOPPED;
-  let_go_on(p);
-  p->paused = 0;
-  return 0;
+  return stopped(p) ? MD_E_STOPPED : go_on(p);
 }
 
 void md_stop(md_player *p) {

@@ -108,7 +108,7 @@ typedef struct {
   uint32_t name;                        /* offset in bytes among the names */
 } md_motion;
 
-/* A difference that runs out: the time it takes, and that until nothing is left of its rate, s. */
+/* How a difference runs out: the time it takes, and that until nothing is left of its rate, s. */
 typedef struct {
   md_real duration, slowing;
 } md_fade;
@@ -116,6 +116,11 @@ typedef struct {
 typedef struct {
   md_real x, y;
 } md_vector;
+
+/* A difference that runs out, and its rate. */
+typedef struct {
+  md_real value, rate;
+} md_difference;
 
 /* A joint in a trial, as a bone: its angle, by how much more it is turned, its length, by how much its end is away, and by
    how much that has risen. */
@@ -125,10 +130,12 @@ typedef struct {
 } md_bone;
 
 /* A joint as it is shown: its angles two ticks ago, at the last one, and in this one; the difference that a fade has to run
-   out and its rate, and those of the gap to a shorter fade; what a motion that is entered is compared with; where the
+   out, and that of the gap to a shorter fade; what a motion that is entered is compared with; where the
    joint has been in half a second, m; the way of the approach. */
 typedef struct {
-  md_real angle[3], value, rate, gap_value, gap_rate, entered_from, entered_reach, low, high, from, to;
+  md_real angle[3];
+  md_difference whole, gap;
+  md_real entered_from, entered_reach, low, high, from, to;
   md_bone bone;
 } md_joint;
 

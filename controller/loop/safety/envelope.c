@@ -54,7 +54,7 @@ static REAL bounded(REAL x, REAL low, REAL high) { return least(most(x, low), hi
 #define TARGET(x) bounded(x, R(-30.0), R(30.0)) /* so that no difference is too large */
 
 static int32_t up(int32_t x, int32_t y) {
-  return x > 0 ? (int32_t)(((uint32_t)x - 1u) / (uint32_t)y) + 1 : -(int32_t)((0u - (uint32_t)x) / (uint32_t)y);
+  return x > 0 ? (int32_t)md_part((uint32_t)x - 1u, (uint32_t)y) + 1 : -(int32_t)md_part(0u - (uint32_t)x, (uint32_t)y);
 }
 static int32_t down(int32_t x, int32_t y) { return -up(-x, y); }
 SHARED REAL near_enough(int64_t x) {
@@ -64,10 +64,10 @@ SHARED REAL near_enough(int64_t x) {
 static REAL half_square(REAL x, REAL j) { return md_real::of(md_quotient((uint64_t)((int64_t)x.raw * x.raw) >> 1, (uint32_t)j.raw)) + md_real::of(1); }
 
 static int32_t held_size(uint32_t size, uint32_t j) {
-  uint32_t n = md_root(2u * size / j);
+  uint32_t n = md_root(md_part(2u * size, j));
   n = n ? n : 1u;
   if (n * (n + 1u) * j < 2u * size) n++;
-  return (int32_t)(size / n + (j / 2u) * (n - 1u));
+  return (int32_t)(md_part(size, n) + (j / 2u) * (n - 1u));
 }
 static REAL held_back(REAL v, REAL j) {
   return md_real::of(v.raw < 0 ? -held_size(0u - (uint32_t)v.raw, (uint32_t)j.raw) : held_size((uint32_t)v.raw, (uint32_t)j.raw));
@@ -98,7 +98,7 @@ SHARED int64_t way_in(int64_t n, int64_t v, int64_t a, int64_t sixth) {
 }
 
 static Run stopping_run(REAL velocity, REAL acceleration, REAL most_acceleration, REAL jerk) {
-  int32_t v = velocity.raw, a = acceleration.raw, most_a = most_acceleration.raw, j = jerk.raw, sixth = (int32_t)((uint32_t)j / 6u), size = a < 0 ? -a : a;
+  int32_t v = velocity.raw, a = acceleration.raw, most_a = most_acceleration.raw, j = jerk.raw, sixth = (int32_t)md_part((uint32_t)j, 6u), size = a < 0 ? -a : a;
   int64_t gone = let_go(size, j, up(size, j));
   int mirrored = v + (a < 0 ? -gone : gone) - a < 0;
   if (mirrored) v = -v, a = -a;
@@ -136,7 +136,7 @@ static Run stopping_run(REAL velocity, REAL acceleration, REAL most_acceleration
 
 static REAL longest_run(REAL speed, REAL size, REAL most_a, REAL j) {
   uint32_t top = (uint32_t)speed.raw + (uint32_t)half_square(size + j, j).raw, hardest = (uint32_t)most_a.raw, jerk = (uint32_t)j.raw;
-  return near_enough((int64_t)top * ((uint32_t)size.raw / jerk + top / hardest + hardest / jerk + 7u));
+  return near_enough((int64_t)top * (md_part((uint32_t)size.raw, jerk) + md_part(top, hardest) + md_part(hardest, jerk) + 7u));
 }
 #else
 SHARED REAL let_go(REAL a, REAL j, REAL n) { return n * a - R(0.5) * j * n * (n - R(1.0)); }

@@ -22,7 +22,7 @@ float md_response(const md_player *p, int motion, float phase, int satellite) {
   float state[2 * MOST_CENTERS], exponent;
   turn_centers(turns, states, phase * (float)m->steps, state);
   exponent = exponent_at(turns + states + 2 * p->joints + satellite * (states + 1), state, states);
-  return exponent < LEAST_RESPONSE ? 0.0f : exponential(exponent);
+  return exponent < LEAST_RESPONSE ? 0.0f : response_of(exponent);
 }
 float md_present_tempo(const md_player *p) { return p->tempo; }
 int md_queued(const md_player *p) { return p->queued; }
