@@ -31,7 +31,7 @@ from motiondeck.page.web.private_page import served
 from motiondeck_base.errors import MotiondeckError
 
 PICTURES_PER_SECOND = 25.0  # of 50, 100 or 200 ticks: as many between any two pictures
-LONGEST_WAIT = 60.0  # s for a deck that is starting
+LONGEST_WAIT = 600.0  # s for a deck that is starting, perhaps with a large robot on a busy machine
 
 
 def view(state: Path, command_port: int | None, port: int) -> None:

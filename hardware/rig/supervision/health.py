@@ -242,8 +242,7 @@ class Health:
             elif kind == _STARVED:
                 detail = f": {measured.voltages[index]:.1f} V"
             quiet = (now - self._read_at > 0.5 * silence[index]) & (self._port_of == self._port_of[index])
-            silent = np.flatnonzero(quiet).tolist() if kind in (_SILENT, _BACK) else []
-            with_it = tuple(self._names[one] for one in silent)
+            with_it = tuple(self._names[one] for one in np.flatnonzero(quiet & (kind in (_SILENT, _BACK))).tolist())
             self.incidents.append(Incident(now, self._names[index], _INCIDENTS[kind] + detail, silent=with_it))
 
     def _explain(

@@ -59,7 +59,7 @@ def _text(port: str, kind: str, happened: Mapping[str, str], ports: Mapping[str,
         chain, count = [source for source in ports if ports[source] == port], len(happened)
         cause, check = f"the port {port} was silent", "adapter, cable and supply"
         if count < len(chain):
-            cause = f"{count} of {len(chain)} servos of the port {port} stopped answering"
+            cause = f"{count} of {len(chain)} servos of {port} stopped answering"
             are_last = set(chain[-count:]) == happened.keys()
             check = f"the cable after {chain[-count - 1]}" if are_last else "the cable to their branch"
     else:

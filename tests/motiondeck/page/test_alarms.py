@@ -50,7 +50,7 @@ def test_a_cause_that_spreads_to_more_servos_is_the_same_alarm():
     parts = Parts()
     notices = Notices(parts)
     for count in (3, 5):
-        cut = f"rig: {count} of 20 servos of the port l stopped answering. Check the cable to their branch."
+        cut = f"rig: {count} of 20 servos of l stopped answering. Check the cable to their branch."
         notices.add("Fault", f"{cut} Servos: a, b", alarming=True)
         notices.add("Fault", f"rig: {count} servos have a low supply voltage. Check the supply.", alarming=True)
     assert parts.state == {

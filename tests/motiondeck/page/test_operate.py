@@ -22,6 +22,9 @@ from waiting import PATIENCE, free_port, soon, until
 KNEE = "l_knee (id 18) does not answer; the rig goes on without it. Check its plug and cable."
 SILENT = "rig: the port /dev/ttyUSB0 was silent. Check adapter, cable and supply. Servos: l_hip, l_knee, r_hip, r_knee"
 
+# The longest of the causes that servo20 can have, as a rig tells it.
+CUT = "rig: 17 of 20 servos of /dev/ttyUSB0 stopped answering. Check the cable after r_shoulder_pitch (id 3)."
+
 
 @contextmanager
 def shown_panel():
@@ -78,6 +81,31 @@ def test_a_button_has_the_commands_of_the_state_and_a_state_without_one_has_none
     assert commands(stopped, "Reset") == [Reset()]
     assert commands(stopped, "Next") == commands(stopped, "Pause") == commands(stopped, "Home") == []
     assert commands(state(mode="held"), "Resume") == [parse_command(["resume"])]
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize(("width", "height"), [(390, 844), (360, 740)])
+def test_a_phone_shows_an_alarm_with_all_of_its_remedy(browser, width, height):
+    with shown_panel() as (page, panel, _):
+        tab = browser.new_page(viewport={"width": width, "height": height}, has_touch=True)
+        tab.set_default_timeout(1000.0 * PATIENCE)
+        try:
+            tab.goto(f"{page.address}/?view=operate")
+            tab.locator(".operate .motion").last.wait_for()
+            for number, text in enumerate((f"rig: {KNEE}", CUT, CUT)):
+                panel.show_event(Event("fault", f"{text} Servos: l_hip, l_knee", "walk", 1.0, number))
+            tab.locator(".operate .alarm").get_by_text("Fault × 2").wait_for()
+            tab.get_by_role("button", name="Acknowledge (1 more)").wait_for()
+
+            def seen_whole():
+                box, cause = (tab.locator(f".operate .alarm {part}").bounding_box() for part in ("> div", "span"))
+                # A box of letters is a little higher than their line.
+                assert cause["y"] >= box["y"] - 2.0
+                assert cause["y"] + cause["height"] <= box["y"] + box["height"] + 2.0
+
+            soon(seen_whole)
+        finally:
+            tab.close()
 
 
 @pytest.mark.thorough

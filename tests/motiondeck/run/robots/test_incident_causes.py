@@ -63,12 +63,12 @@ def test_a_port_is_silent_when_all_of_it_is_and_else_its_servos_are_counted(inci
         own = [one for one in incidents if one.fault and one.what in WHATS[:2] and one.source[0] == port]
         silent = {source for one in own for source in (one.source, *one.silent)}
         whole = len(silent) == 3
-        cut = (f"port {port} was silent.", f"port {port} stopped answering.")
+        cut = (f"port {port} was silent.", f"servos of {port} stopped answering.")
         said = [text for text, _ in told(incidents) if any(one in text for one in cut)]
         assert len(said) == (len(silent) > 1)
         for text in said:
             start = f"the port {port} was silent. Check adapter, cable and supply."
-            assert text.startswith(start if whole else f"2 of 3 servos of the port {port} stopped answering. ")
+            assert text.startswith(start if whole else f"2 of 3 servos of {port} stopped answering. ")
             assert all(source.partition(" (")[0] in text for source in silent)
             assert ("Check the cable after" in text) == (not whole and f"{port}_hip (id 0)" not in silent)
 
@@ -191,7 +191,7 @@ def test_servos_cut_off_together_are_counted_and_the_last_that_answers_is_named(
     for number in range(first, last + 1):
         run.line.bus[number].dead = True
     run.play(1.5)
-    cut = f"{last - first + 1} of 20 servos of the port /dev/ttyUSB0 stopped answering. Check {check}. Servos: "
+    cut = f"{last - first + 1} of 20 servos of /dev/ttyUSB0 stopped answering. Check {check}. Servos: "
     assert {text.startswith(f"rig: {cut}") for text in run.faults} == {True}
     assert run.events[0][0] - began < 1.0
     assert next(text for text in run.output.report()["causes"] if "answer" in text).startswith(cut)
@@ -204,5 +204,5 @@ def test_servos_cut_off_for_a_moment_are_told_as_such_and_not_as_their_port():
             run.line.bus[number].dead = dead
         run.play(0.6)
     assert run.faults
-    assert all("5 of 20 servos of the port /dev/ttyUSB0 stopped answering" in text for text in run.faults[-1:])
+    assert all("5 of 20 servos of /dev/ttyUSB0 stopped answering" in text for text in run.faults[-1:])
     assert "was silent" not in str(run.faults)
