@@ -361,7 +361,7 @@ def test_each_browser_looks_back_alone_and_is_called_back_by_what_happens(deck, 
 
     def looks_back(page):
         bar = page.locator(".timeline-strip .bar").bounding_box()
-        page.mouse.click(bar["x"] + 0.6 * bar["width"], bar["y"] + 0.5 * bar["height"])  # before the first picture
+        page.mouse.click(bar["x"] + 0.04 * bar["width"], bar["y"] + 0.5 * bar["height"])  # before the first picture
         page.locator(".past-frame").wait_for()
 
     def is_high(page):
