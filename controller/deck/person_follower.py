@@ -10,7 +10,7 @@ import numpy as np
 
 from controller.deck.joins.deck_motions import Motion, read_motions
 from controller.deck.motion_generator import MotionGenerator
-from controller.deck.person_body import Learn, PersonBody, body_rows, paired
+from controller.deck.person_body import Learn, PersonBody, body_rows, paired, share
 from controller.deck.phase_filter import RATE, PhaseFilter
 from controller.library.motion_library import MotionLibrary
 from controller.motion.clip import FARTHEST
@@ -73,10 +73,9 @@ class PersonFollower:
             if (rows := self._body.step(measured * self._scale)) is not None:
                 rows[1, :2] = 0.0
                 own = rotate(yaw(-np.arctan2(rows[0, 1], rows[0, 0])), rows[1:])
-                self.body = self._body.weight, *own.round(3).ravel().tolist()
+                self.body = share(len(self._points), self._filter.misfit), *own.round(3).ravel().tolist()
         best = self._filter.place()
-        sure = best.motion != self._shown and best.evidence >= SURE
-        self._other = self._other + 1 if sure else 0
+        self._other = self._other + 1 if best.motion != self._shown and best.evidence >= SURE else 0
         if self._other >= FOR_STEPS:
             self._shown, self._near = best.motion, None
         if self._shown < 0:

@@ -79,10 +79,10 @@ class PhaseFilter:
         self._moved = _Expected(turn * _plane(moved), moved[..., 2])
         self._offset = np.zeros(self._count, dtype=complex)  # of the person's own points, and of their heights
         self._offset_up = np.zeros(self._count)
-        size = len(TEMPOS)
-        self._keep = np.eye(size) * (1.0 - CHANGE) + CHANGE / size
-        self._belief: Array = np.full((size, frames), 1.0 / (size * frames))
-        self._padded = np.zeros((size, frames + 1))
+        self.misfit = PLACE**2  # m^2, of the points from those of the likeliest state; a running mean over the time OWN
+        self._keep = np.eye(len(TEMPOS)) * (1.0 - CHANGE) + CHANGE / len(TEMPOS)
+        self._belief: Array = np.full((len(TEMPOS), frames), 1.0 / (len(TEMPOS) * frames))
+        self._padded = np.zeros((len(TEMPOS), frames + 1))
         self._seen: deque[Array] = deque(maxlen=PAST + 1)
 
     def step(self, measured: Array) -> None:
@@ -120,9 +120,8 @@ class PhaseFilter:
             top = kept if mass[kept] > KEPT_FROM * mass[top] else top
         top += int(frames[top : top + 2 * ABOUT + 1].argmax()) - ABOUT
         weight = np.pad(own.sum(0), 2 * ABOUT, mode=mode)[top + ABOUT : top + 3 * ABOUT + 1]
-        weight = weight / max(float(weight.sum()), 1e-300)
         tempo = float(TEMPOS @ own.sum(1) / max(float(own.sum()), 1e-300))
-        return BodyPlace(best, float(evidence[best]), top + float(weight @ around), tempo)
+        return BodyPlace(best, float(evidence[best]), top + float(weight @ around / max(weight.sum(), 1e-300)), tempo)
 
     def _weigh(self, belief: Array, points: Array, moved: Array) -> None:
         """Weighs the belief by the points and their changes, (K, 3), and learns the person's own offsets."""
@@ -141,6 +140,8 @@ class PhaseFilter:
         flat, up = self._now.points(best[1])
         gain = seen / (RATE * OWN)
         left = back * z - (flat + self._offset - np.conj(mean[best[1]]) / total)
+        off = np.square(np.abs(left + self._offset)) + np.square(h - up + self._offset_up)
+        self.misfit += (float(off[seen].mean()) - self.misfit) / (RATE * OWN)
         self._offset += gain * left
         self._offset *= np.minimum(1.0, MOST_OWN / np.maximum(np.abs(self._offset), 1e-9))
         self._offset_up = (self._offset_up + gain * (h - up)).clip(-MOST_OWN, MOST_OWN)

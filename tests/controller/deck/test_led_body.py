@@ -59,6 +59,19 @@ def test_the_body_is_told_wherever_the_person_stands_and_faces(library, person):
     assert len(encode(FollowPerson("march", 0.123456789, 1.0123456789, body=follower.body))) < MOST_BYTES
 
 
+def test_the_body_leads_the_more_the_less_a_person_fits_the_motion(library, person):
+    shares = []
+    for lifted in (0.0, 0.3):  # m, of the head
+        follower = PersonFollower(library, POINTS, learn=LEARN)
+        for joints in person[0]:
+            points = seen(library, joints)
+            points["head"] = (*points["head"][:2], points["head"][2] + lifted)
+            follower.step(points)
+        shares.append(follower.body[0])
+    assert shares[0] < 0.5
+    assert 0.7 < shares[1] < 1.0
+
+
 def test_the_root_is_told_where_it_is(library, person):
     own = [("root", *library.encoding.skeleton.bones).index(point) for point in POINTS]
     joints, heading = person
