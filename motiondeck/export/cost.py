@@ -9,14 +9,14 @@ from motiondeck_base.errors import MotiondeckError, UnknownNameError
 # Bytes of code; instructions of the worst tick: of any figure, more with each joint, with each joint of a layer, and
 # with each satellite of the largest network, of 20 joints.
 CORES = {
-    "M4F": (16_300, 8_000, 1_200, 120, 1_600),
+    "M4F": (16_350, 8_000, 1_200, 120, 1_600),
     "M3": (20_200, 184_000, 18_500, 1_100, 10_000),
     "M0+": (23_200, 382_000, 41_800, 2_200, 26_000),
 }
 FIXED = {  # without floating point, and networks
-    "M4F": (16_900, 45_000, 4_700, 250, 0),
-    "M3": (16_900, 45_000, 4_700, 250, 0),
-    "M0+": (18_000, 80_000, 15_000, 450, 0),
+    "M4F": (16_600, 45_000, 4_700, 250, 0),
+    "M3": (16_600, 45_000, 4_700, 250, 0),
+    "M0+": (17_700, 80_000, 15_000, 450, 0),
 }
 _NETWORKS = 900  # bytes of code
 _PLAYER, _PLAYER_JOINT, _STACK, _STACK_JOINT = 1056, 368, 720, 16  # bytes, with room for four layers and a blend

@@ -6,10 +6,13 @@
 #include <stdint.h>
 
 #ifdef __GNUC__
-#define MD_FOLDED __attribute__((always_inline)) constexpr
+#define MD_INLINED __attribute__((always_inline)) inline
+#define MD_KNOWN(x) __builtin_constant_p(x) /* to the compiler */
 #else
-#define MD_FOLDED constexpr
+#define MD_INLINED inline
+#define MD_KNOWN(x) 0
 #endif
+#define MD_FOLDED MD_INLINED constexpr
 
 MD_FOLDED int32_t md_saturated(int64_t x) { return x > INT32_MAX ? INT32_MAX : x < -INT32_MAX ? -INT32_MAX : (int32_t)x; }
 /* A constant in units of 1 / one; the compiler computes it. */
@@ -31,6 +34,12 @@ MD_CALLED int32_t md_multiplied(int32_t a, int32_t b) {
 #endif
 }
 
+/* The same without a call, by what the compiler knows as a half, a quarter, ... or a whole number. */
+MD_INLINED bool md_is_simple(int32_t a) { return a > 0 && (a <= 1 << 24 ? !(a & (a - 1)) : a >= 2 << 25 && !(a & ((1 << 25) - 1))); }
+MD_INLINED int32_t md_by_simple(int32_t a, int32_t b) {
+  if (a >= 2 << 25) return (int32_t)((uint32_t)(a >> 25) * (uint32_t)b);
+  return a == 1 << 24 ? (b >> 1) + (b & 1) : ((b >> (24 - __builtin_ctz((unsigned)a))) + 1) >> 1;
+}
 /* x / y, rounded down. */
 #ifdef __ARM_ARCH_6M__ /* cannot divide; the library's division has six times as many bytes */
 MD_CALLED uint32_t md_part(uint32_t x, uint32_t y) {
@@ -91,7 +100,11 @@ struct md_real {
   friend md_real operator-(md_real a) { return of(-a.raw); }
   friend md_real operator+(md_real a, md_real b) { return of((int32_t)((uint32_t)a.raw + (uint32_t)b.raw)); }
   friend md_real operator-(md_real a, md_real b) { return of((int32_t)((uint32_t)a.raw - (uint32_t)b.raw)); }
-  friend md_real operator*(md_real a, md_real b) { return of(md_multiplied(a.raw, b.raw)); }
+  friend md_real operator*(md_real a, md_real b) {
+    if (MD_KNOWN(a.raw) && md_is_simple(a.raw)) return of(md_by_simple(a.raw, b.raw));
+    if (MD_KNOWN(b.raw) && md_is_simple(b.raw)) return of(md_by_simple(b.raw, a.raw));
+    return of(md_multiplied(a.raw, b.raw));
+  }
   friend md_real operator/(md_real a, md_real b) { return of(md_divided(a.raw, b.raw)); }
   friend bool operator==(md_real a, md_real b) { return a.raw == b.raw; }
   friend bool operator!=(md_real a, md_real b) { return a.raw != b.raw; }

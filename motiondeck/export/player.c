@@ -364,7 +364,7 @@ static int has_ended(const md_track *t) {
   return t->backwards ? t->at <= t->first + SOON : t->at >= t->last - SOON;
 }
 
-static void finish_round(md_track *t) {
+MD_CALLED void finish_round(md_track *t) {
   md_real seconds = t->motion->seconds, left;
   if (!t->motion->loop) return;
   t->first = t->last + multiple(seconds, whole_times(t->at - t->last + SOON, seconds, &left));
@@ -919,7 +919,7 @@ static int another_tempo(md_beats *b, md_real interval) {
   return b->steady > 1 && captured(interval);
 }
 
-static void take_beat(md_beats *b, md_real ago, md_real dt) {
+MD_CALLED void take_beat(md_beats *b, md_real ago, md_real dt) {
   md_real passed = times(dt, b->ticks), before = b->before + passed, since;
   b->ticks = 0, b->last += passed, since = b->last - ago;
   b->before = ago;

@@ -183,42 +183,45 @@ typedef struct {
   md_real phase, period, last, before, interval; /* no period is known at 0 */
 } md_beats;
 
-/* What is not an array stands first, whole numbers before all: a small core reaches there with short instructions. */
+/* What is not an array stands first, and of that what is named most: a small core reaches 31 words with short instructions. */
 typedef struct {
   const uint32_t *figure;
-  int joints;
-  /* The plan: what the present switch goes to, and what waits. */
-  int entering, going_to, current, ahead, waits, fade_of_switch, queued, paused;
-  /* The run: emergency stop, approach, heartbeat. */
-  int phase, way, demanded, missed, within, silent; /* ticks; within 0 any */
+  int joints, blended; /* motions beside the one that leads */
+  md_real dt, tempo;
+  /* The plan: what the present switch goes to, what is blended in with it, and what waits. */
+  int entering, going_to, with, current, ahead, waits, fade_of_switch, queued, paused;
+  /* The run: emergency stop, approach. */
+  int phase, way;
   int32_t tick;
   /* The fade of the last switch, whether there is a gap to a shorter one that it began as, and the search for its duration. */
-  int fading, has_gap, found, trials, slowed, rises, hasty, moment;
-  /* What is blended in with the switch; whether it is sought, whether weights change for it, and for whom. The blend: motions
-     beside the one that leads; whether weights change; what is wrong with it. Whether there are limits of a join. */
-  int with, adding, blending, blending_to, blended, crossing, problem, limited;
+  int fading, has_gap, found, trials, slowed, rises, moment;
+  /* The blend: whether weights change for the switch, or at all; what is wrong with it. Whether there are limits of a join. */
+  int blending, crossing, problem, limited;
   /* The motion that is entered next, and the best place so far. */
-  int compared, coarse, entry, layers;
-  md_real dt, tempo, commanded_tempo, tempo_rate, jump; /* the phase to go to in this tick, below 0 none */
-  md_fade fade, best, candidate;
+  int compared, entry, layers;
+  /* Of the same, as above: the run, heartbeat; the fade, the blend, the motion that is entered. */
+  int demanded, missed, within, silent; /* ticks; within 0 any */
+  int hasty, adding, blending_to, coarse;
   md_real elapsed, gap_elapsed, onset;
+  md_real commanded_tempo, tempo_rate, jump; /* the phase to go to in this tick, below 0 none */
+  md_real watched;                            /* s of `low` and `high`; below 0 at first */
+  md_fade fade, best, candidate;
   md_real least, last, already, course_tempo; /* of the trial, and the course of the motion that it considers */
   md_bounds bound, join, own;                 /* of the trial; of the join, and the largest of its motions */
   md_real correct_from;                       /* the use of the limits from which on the fade is replaced */
   md_real share, decay;                       /* of what is blended in; of a live joint in a tick */
   md_real weighed, weighing, weight_pace;     /* s of the change of weights, of all of it, and its pace */
-  md_real watched;                            /* s of `low` and `high`; below 0 at first */
   md_wide entry_cost, fastest, first, hardest;
   md_time tick_time, course_at, approach; /* s, s into the motion, ticks */
   md_beats beats;
   uint8_t queue[MD_MOST_QUEUED];
 
+  md_real targets[MD_MOST_JOINTS], safe[MD_MOST_JOINTS];
   md_joint joint[MD_MOST_JOINTS];
   md_track track[MD_MOST_BLENDED];      /* the one that leads, and those that are blended in */
   md_layer_state layer[MD_MOST_LAYERS]; /* the lowest first */
   md_live_state live[MD_MOST_JOINTS];
   REAL limit[MD_MOST_JOINTS][6]; /* an EnvelopeJoint each, see envelope.c */
-  md_real targets[MD_MOST_JOINTS], safe[MD_MOST_JOINTS];
   long long changed[MD_MOST_JOINTS]; /* how many targets the limits have changed */
 } md_player;
 

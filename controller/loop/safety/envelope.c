@@ -216,8 +216,8 @@ static int can_stop(const EnvelopeLimits *l, REAL p, REAL v, REAL c) {
 static REAL limited(const EnvelopeLimits *l, const EnvelopeJoint *s, REAL goal, REAL goal_v, int near, int *passes) {
   REAL p = s->p, v = s->v, a = s->a, direct = goal - p - v, stop = braked(v, a, l->a, l->j);
   REAL low = most(a - l->j, -l->a), high = least(a + l->j, l->a), half = R(0.5) * l->j;
-  if (PRODUCT(half - low, half - low) > PRODUCT(R(2.0) * l->j, l->v + v)) low = most(low, -held_back(l->v + v, l->j));
-  if (PRODUCT(half + high, half + high) > PRODUCT(R(2.0) * l->j, l->v - v)) high = least(high, held_back(l->v - v, l->j));
+  if (PRODUCT(half - low, half - low) > PRODUCT(l->j, R(2.0) * (l->v + v))) low = most(low, -held_back(l->v + v, l->j));
+  if (PRODUCT(half + high, half + high) > PRODUCT(l->j, R(2.0) * (l->v - v))) high = least(high, held_back(l->v - v, l->j));
   low = least(low, stop), high = most(high, stop);
 
   *passes = (near || s->matched > R(0.0)) && low <= direct && direct <= high;
