@@ -25,12 +25,12 @@ class RigError(MotiondeckError):
     """A rig that differs from its file, or is not fit to be switched on; the message names the joints."""
 
 
-class SilentServosError(RigError):
-    """Servos of a rig that do not answer, with the names of their joints."""
+class LostServosError(RigError):
+    """Servos of a rig that do not answer, or have shut down: the names of their joints, and which of both."""
 
-    def __init__(self, message: str, names: Collection[str] = ()) -> None:
+    def __init__(self, message: str, names: Collection[str] = (), what: str = "") -> None:
         super().__init__(message)
-        self.names = names
+        self.names, self.what = names, what
 
 
 def still_on(joints: Sequence[str]) -> str:

@@ -12,12 +12,13 @@ from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hardware.bus.servo_bus import Bus
 from hardware.errors import RefusedError
 from hardware.families.register import Register
 from hardware.families.table import ControlTable
-from hardware.rig.registers import read_register
+from hardware.rig.registers import read_each, read_register
 from hardware.rig.rig_file import RigConfig
 from hardware.rig.rig_joint import RigJoint
 from hardware.rig.scale import Array, force_of
@@ -141,10 +142,12 @@ class OwnSettings(NamedTuple):
 
     hottest: Array  # the temperature at which each shuts down, shape (J,), degC
     slack: Array  # how far from its goal each drives with its full voltage, shape (J,), rad
+    shutdown: NDArray[np.int64]  # the error bits for which each shuts down, shape (J,)
 
 
 def read_own_settings(config: RigConfig, bus: Bus) -> OwnSettings:
-    """Reads temperature limit and position gain of every servo; a ServoError if one does not answer."""
-    gain, limits = "position_p_gain", [read_register(joint, bus, "temperature_limit") for joint in config.joints]
+    """Reads temperature limit, position gain and shutdown bits of every servo; a ServoError if one does not answer."""
+    gain, limits = "position_p_gain", np.array(read_each(config, bus, "temperature_limit"), dtype=np.float64)
     slack = [one.slack(read_register(one, bus, gain) if gain in one.table.registers else None) for one in config.joints]
-    return OwnSettings(np.array(limits, dtype=np.float64), np.array(slack))
+    shutdown = [one.table.series.usual_problems(read_register(one, bus, "shutdown")) for one in config.joints]
+    return OwnSettings(limits, np.array(slack), np.array(shutdown))

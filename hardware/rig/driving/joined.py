@@ -46,6 +46,7 @@ class JoinedMeasurements:
         one.temperatures[:] = np.fmax.reduceat(all.temperatures, firsts)
         one.voltages[:] = np.fmin.reduceat(all.voltages, firsts)
         one.errors[:] = np.bitwise_or.reduceat(all.errors, firsts)
+        one.shutdown[:] = np.bitwise_or.reduceat(all.shutdown, firsts)
         one.torque[:] = np.logical_and.reduceat(all.torque, firsts)
         # A servo that has restarted tells no position before it is set up again.
         known = one.torque & (count == self._count)

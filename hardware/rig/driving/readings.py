@@ -58,8 +58,8 @@ class Measurements:
         self.read_at = np.zeros(count)  # when each joint's position was last read, shape (J,), s
         # The current, A, and the angle, rad, by which two servos of a joint disagree, shape (J,).
         self.against, self.apart = np.zeros(count), np.zeros(count)
-        # Each servo's own, from when it was switched on (see `OwnSettings`), shape (J,), degC, rad.
-        self.hottest, self.slack = np.full(count, np.nan), np.full(count, np.nan)
+        # Each servo's own, from when it was switched on (see `OwnSettings`), shape (J,), degC, rad, bits.
+        (self.hottest, self.slack), self.shutdown = np.full((2, count), np.nan), np.zeros(count, dtype=np.int64)
         # Replies that each joint has missed since its last one, shape (J,).
         self.missed_in_a_row = np.zeros(count, dtype=np.int64)
         self.alone = np.zeros(count, dtype=np.bool_)  # whether one of two servos of a joint is out of reach, shape (J,)

@@ -167,7 +167,8 @@ class ServoPort:
         """Goes on over this bus, where these servos hold; see `Readings.start`."""
         self.bus = bus
         self._scale.zero[rows] = held.zeros
-        self.readings.measured.hottest[rows], self.readings.measured.slack[rows] = own
+        measured = self.readings.measured
+        measured.hottest[rows], measured.slack[rows], measured.shutdown[rows] = own
         self.readings.start(rows, held.angles, blocks, now)
         self._stopped = self._armed = self.gone = False
 

@@ -5,7 +5,7 @@
     apart      its two servos disagree about its angle                                                     lost
     idle       far from its goal, still, and drawing no current to get there                  set up again, then lost
     parted     its two servos work against each other; not where that did not end it          set up again
-    down       it reports heat, encoder, shock or overload; or torque is off and it has a reason           lost
+    down       it reports heat, encoder, shock or overload, or what else it shuts down for                 lost
     hot        at its temperature limit, though it has not shut down                                       lost
     silent     no answer for 1.6 s                                                                         lost
     restless   set up again five times in ten seconds                                                      lost
@@ -118,24 +118,24 @@ class Health:
         back = self._missing & ~missing & (silence > self._patience)
         self._missing = missing
         self._heard[~missing] = now
-        serious = measured.errors & _SERIOUS != 0
-        down = serious | (~measured.torque & (measured.errors != 0))
+        down = measured.errors & (measured.shutdown | _SERIOUS) != 0
         hot = measured.temperatures >= measured.hottest + 1.0
         silent = missing & (silence > LOST_AFTER)
         limp = ~measured.torque & ~down & ~missing
         still = self._still(measured, goals, now) & measured.torque & ~missing & ~yielding
         self._idle = idle = still & (np.abs(measured.currents) < self._idle_below)
         restless = limp & self._often_mended(now) if np.logical_or.reduce(limp) else limp
-        if np.logical_or.reduce(self.lost):
-            self._return(~missing & ~down, recovering, now)
-        alive = ~self.lost
+        free = np.ones(len(missing), dtype=np.bool_)
         for joints in recovering:
-            alive[joints] = False
+            free[joints] = False
+        if np.logical_or.reduce(self.lost):
+            self._return(~missing & ~down & free, now)
+        alive = ~self.lost & free
         self._agreed[~(measured.against > self._opposed)] = now
         opposed, parted = now - self._agreed > _OPPOSED_FOR
         self._at_odds |= parted & (now - self._joined_at < _TOGETHER_FOR)
         self._parted = parted = parted & ~self._at_odds
-        mend, self.mend = self.mend, alive & (back | limp | idle | parted)
+        self.mend = np.where(free, alive & (back | limp | idle | parted), self.mend)
         apart = measured.apart > APART
         self.fatal = alive & (down | hot | silent | restless | apart | (idle & self._was_idle))
         margin = measured.hottest - measured.temperatures
@@ -150,9 +150,7 @@ class Health:
         self._strongest = np.fmax(self._strongest, measured.voltages)
         seen[_STARVED] = (measured.voltages < _LOW_VOLTAGE * self._strongest) | (measured.errors & 1 != 0)
         seen[_DOWN] = down
-        seen &= alive
-        for joints in recovering:
-            seen[:, joints], self.mend[joints] = known[:, joints], mend[joints]
+        seen[:] = np.where(free, seen & alive, known)
         new = seen & ~known
         if np.logical_or.reduce(new, axis=None):
             self._report(new, measured, silence, now)
@@ -180,11 +178,11 @@ class Health:
         self.lost |= self.fatal
         self.mend &= ~self.lost
 
-    def miss(self, joints: Sequence[int], now: float) -> None:
-        """Goes on without joints that have not answered while their port was set up again."""
+    def miss(self, joints: Sequence[int], what: str, now: float) -> None:
+        """Goes on without joints that could not be set up again with their port, for a reason in a word."""
         self.fatal[:] = False
         for index in joints:
-            self.fatal[index], self._reason[index] = True, _INCIDENTS[_SILENT]
+            self.fatal[index], self._reason[index] = True, what
         self.give_up(now)
 
     def take_out(self, joint: int, now: float) -> None:
@@ -223,11 +221,9 @@ class Health:
         self._anchor[moves], self._anchored[moves] = positions[moves], now
         return measured.read_at - self._anchored > _IDLE_AFTER
 
-    def _return(self, well: Mask, recovering: Sequence[NDArray[np.int64]], now: float) -> None:
+    def _return(self, well: Mask, now: float) -> None:
         """Takes joints back that were lost and answer without an error again."""
         returned = self.lost & well & ~self._given_up & ~self.off
-        for joints in recovering:
-            returned[joints] = False
         self.lost &= ~returned
         for index in np.flatnonzero(returned).tolist():
             self.incidents.append(Incident(now, self._names[index], "answers again", fault=False))

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from hardware.bus.port import lasting_name
 from hardware.bus.servo_bus import Bus
-from hardware.errors import MotiondeckError, RigError, SerialPortError, SilentServosError, with_torque
+from hardware.errors import LostServosError, MotiondeckError, RigError, SerialPortError, with_torque
 from hardware.rig.counters import RigFaults, RigReport, Timings
 from hardware.rig.driving.joined import JoinedMeasurements
 from hardware.rig.driving.readings import Measurements
@@ -344,16 +344,16 @@ class Rig:
         self._loosen(self.health.lost)
 
     def _goes_on_without(self, one: PortRecovery, now: float) -> bool:
-        """Gives up on servos that were silent while the others of their port were set up again, which starts anew.
+        """Gives up on servos that failed while the others of their port were set up again, which starts anew.
 
         Whether it does: the rig file must ask for it, and others be left.
         """
-        if self.config.on_loss == "stop" or not isinstance(one.failure, SilentServosError):
+        if self.config.on_loss == "stop" or not isinstance(one.failure, LostServosError):
             return False
-        silent = [index for index in one.port.joints.tolist() if self.names[index] in one.failure.names]
-        if len(silent) == np.count_nonzero(~self.health.lost[one.port.joints]):
+        failed = [index for index in one.port.joints.tolist() if self.names[index] in one.failure.names]
+        if len(failed) == np.count_nonzero(~self.health.lost[one.port.joints]):
             return False
-        self.health.miss(silent, now)
+        self.health.miss(failed, one.failure.what, now)
         one.start(_RECOVERED_WITHIN)
         return True
 

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from hardware.bus.servo_bus import UNKNOWN_MODEL, Bus, Identity
-from hardware.errors import RigError, ServoError, SilentServosError
+from hardware.errors import LostServosError, RigError, ServoError
 from hardware.families.models import TRAITS
 from hardware.families.table import describe_errors
 from hardware.rig.registers import list_joints, read_each, read_register, sync_write_all
@@ -28,10 +28,11 @@ def check_identities(config: RigConfig, bus: Bus) -> None:
         )
     missing = [joint for joint in config.joints if found[joint.id] is None]
     if missing:
-        raise SilentServosError(
+        raise LostServosError(
             f"no answer on {bus.port.name} at {bus.baud} baud from {list_joints(missing)}. "
             "Check power, cables and ids; motiondeck rig doctor finds servos at other ids and baud rates.",
             {joint.joint_name for joint in missing},
+            "does not answer",
         )
     mute = [joint for joint in config.joints if (one := found[joint.id]) and one.model_number == UNKNOWN_MODEL]
     if mute:
@@ -83,13 +84,14 @@ def know_fast_reads(config: RigConfig, firmware: Sequence[int]) -> bool:
 
 def refuse_shut_down(config: RigConfig, bus: Bus) -> None:
     """Names the servos that a hardware problem has switched off."""
-    down = [
-        f"{joint.name} (id {joint.id}: {describe_errors(found)})"
+    down = {
+        f"{joint.name} (id {joint.id}: {describe_errors(found)})": joint.joint_name
         for joint, mask in zip(config.joints, read_each(config, bus, "shutdown"), strict=True)
         if (found := hardware_errors(joint, bus)) & joint.table.series.usual_problems(mask)
-    ]
+    }
     if down:
-        raise RigError(f"shut down: {'; '.join(down)}. Mend the cause, then switch the servo's power off and on.")
+        said = f"shut down: {'; '.join(down)}. Mend the cause, then switch the servo's power off and on."
+        raise LostServosError(said, set(down.values()), "has shut down")
 
 
 def hardware_errors(joint: RigJoint, bus: Bus) -> int:

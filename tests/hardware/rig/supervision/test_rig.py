@@ -528,3 +528,12 @@ def test_a_servo_that_is_back_from_there_is_set_up_again(build, restarts_at):
     rig, port = build("dead:id=2,at=0.5,for=5", f"reboot:id=3,at={restarts_at}", on_loss="go on")
     play(rig, port, [0.3] * 4, 10.0)
     assert rig.positions == pytest.approx(0.3, abs=0.01)
+
+
+@pytest.mark.parametrize("other", ["reboot:id=3,at=0.365", "unplug:at=0.4,for=0.5"])
+def test_nor_does_one_that_shuts_down_meanwhile(build, other):
+    rig, port = build("alert:id=2,at=0.5,value=32", other, on_loss="go on", reconnect_s=1.0)
+    play(rig, port, [0.3] * 4, 6.0)
+    assert rig.positions[[0, 2, 3]] == pytest.approx(0.3, abs=0.01)
+    assert conditions(rig)[1] == "is lost"
+    assert "joint_2 (id 2)', what='has shut down; the rig goes on without it" in str(rig.incidents)

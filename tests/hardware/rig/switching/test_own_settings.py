@@ -163,6 +163,32 @@ def test_a_supply_below_the_servos_own_limit_is_low_from_the_start():
     assert [one.what for one in rig.incidents] == ["has a low supply voltage: 9.0 V"]
 
 
+@pytest.mark.parametrize(("model", "supply"), [("XM430-W350", 9.0), ("XL-320", 5.0), ("AX-12A", 8.0), ("STS3215", 3.8)])
+def test_a_restart_at_a_low_supply_is_no_shutdown_for_it(model, supply):
+    """A servo reports the voltage, also without torque; the rig was stopped for it."""
+    bench = Bench(model)
+    bench.servo.bank.drive.supply[0] = supply
+    bench.port.elapse(0.01)
+    rig = bench.rig()
+    bench.play(rig, 0.3)
+    bench.servo.reboot(bench.port.now() + 0.1)
+    bench.play(rig, 2.0)
+    assert bench.servo.torque
+    assert rig.recoveries == 1
+    assert "has lost its torque or restarted" in [one.what for one in rig.incidents]
+
+
+@pytest.mark.parametrize(("model", "supply"), [("XM430-W350", 9.0), ("XL-320", 5.0)])
+def test_a_servo_that_shuts_down_at_a_low_supply_is_lost(model, supply):
+    bench = Bench(model)
+    bench.servo["shutdown"] |= bench.servo.series.own_problems(1)
+    rig = bench.rig()
+    bench.play(rig, 0.3)
+    bench.servo.bank.drive.supply[0] = supply
+    with pytest.raises(RigError, match="has shut down: input voltage"):
+        bench.play(rig)
+
+
 def test_a_rig_file_with_gains_is_read():
     joint = msgspec.toml.decode(
         'name = "jaw"\nid = 1\nmodel = "XL330-M288"\ndirection = 1\nzero = 2048\nlower = -1.0\nupper = 1.0\n'
