@@ -58,7 +58,7 @@ class Share:
         most = min(QUICKEST, FASTER * self.speed / self.farthest, self.acceleration / (TURNS * self.speed))
         wanted = copysign(min(most, sqrt(slew * abs(left))), left) if may_change else 0.0
         pace = min(max(wanted, self.pace - slew * dt), self.pace + slew * dt)
-        self.pace = min(max(pace, -most), most) if abs(pace) > 1e-6 else 0.0  # what rounding leaves of a sum of steps
+        self.pace = min(max(pace, -most), most) if abs(pace) > 2e-5 else 0.0  # what rounding leaves of a sum of steps
         step = self.pace * dt
         if abs(left) <= max(abs(step), 1e-9) and step * left >= 0.0 and may_change:
             self.share, self.pace = self.goal, 0.0

@@ -1025,7 +1025,7 @@ static void approach_share(md_share *s, md_real apart, md_real dt, int may_chang
   md_real fastest = least(least(3.0f, 0.4f * s->bounds.speed / s->farthest), s->bounds.acceleration / s->bounds.speed * (HARD * HARD / 8.0f));
   md_real wanted = may_change ? copysignf(least(fastest, sqrtf(slew * fabsf(left))), left) : 0.0f;
   s->pace = bounded(s->pace + bounded(wanted - s->pace, -slew * dt, slew * dt), -fastest, fastest);
-  if (fabsf(s->pace) < 1e-6f) s->pace = 0.0f;
+  if (fabsf(s->pace) < 2e-5f) s->pace = 0.0f;
   md_real step = s->pace * dt;
   if (may_change && fabsf(left) <= most(fabsf(step), 1e-7f) && step * left >= 0.0f)
     s->share = s->goal, s->pace = 0.0f;

@@ -138,8 +138,8 @@ def of_lengths(*lengths):
     return figure_of(library, [f"joint{k}" for k in range(JOINTS)], LIMITS, 0.0 * ONES, 100.0)
 
 
-def same(lengths, script, ticks, fixed):
-    one = wide(in_fixed_point(of_lengths(*lengths)) if fixed else of_lengths(*lengths))
+def same(one, script, ticks, fixed):
+    one = wide(in_fixed_point(one) if fixed else one)
     ours, deck = (plays(one, script, ticks, 0.0 * ONES) for plays in (player(fixed=fixed).trace, deck_plays))
     assert ours.accepted == deck.accepted
     return np.abs(ours.safe - deck.safe).max() < 1e-3
@@ -150,7 +150,7 @@ def same(lengths, script, ticks, fixed):
 def test_a_round_that_ends_a_hair_from_a_tick_ends_in_the_same_tick(late, fixed):
     tempo = (0.75 * 1.5 - late) / 1.2  # three quarters of a round in 120 ticks, and some us to come
     script = [(10, commands.SetTempo(factor=tempo)), (60, commands.Jump(phase=0.25)), (100, commands.Queue(to="loop1"))]
-    assert same((180, 180, 150), script, 240, fixed)
+    assert same(of_lengths(180, 180, 150), script, 240, fixed)
 
 
 @pytest.mark.thorough
@@ -159,20 +159,22 @@ def test_a_round_that_ends_a_hair_from_a_tick_ends_in_the_same_tick(late, fixed)
 def test_after_minutes_a_round_still_ends_in_the_tick_of_the_deck(tick, tempo, fixed):
     """A round of 150 ticks came to end a tick later, since 32 bits had lost as much of each tick."""
     script = [(10, commands.SetTempo(factor=tempo)), (60, commands.Jump(phase=0.2)), (tick, commands.Queue(to="loop1"))]
-    assert same((180, 150, 60), script, tick + 250, fixed)
+    assert same(of_lengths(180, 150, 60), script, tick + 250, fixed)
 
 
 @EITHER
 def test_a_jump_to_halfway_between_frames_goes_to_the_same_one(fixed):
     jumps = [(30 * n, commands.Jump(phase=round(0.01 + 0.02 * n, 2))) for n in range(1, 49)]  # a frame and a half, ...
-    assert same((150, 150), jumps, 1500, fixed)
+    assert same(of_lengths(150, 150), jumps, 1500, fixed)
 
 
 @pytest.mark.thorough
 @pytest.mark.parametrize("fixed", [False, True])
 @pytest.mark.parametrize("lengths", [(120, 180), (180, 120), (60, 150), (150, 60)])
 def test_two_loops_of_which_one_is_half_as_long_again_stay_in_step_alike(lengths, fixed):
-    assert same((*lengths, 150), [(20, commands.Blend(first="loop0", second="loop1", weight=0.6))], 400, fixed)
+    assert same(
+        of_lengths(*lengths, 150), [(20, commands.Blend(first="loop0", second="loop1", weight=0.6))], 400, fixed
+    )
 
 
 @EITHER
@@ -180,7 +182,7 @@ def test_a_one_shot_does_not_choose_how_many_beats_a_round_has(fixed):
     beats = [(20 + 80 * beat, commands.GiveBeat(ago=0.0)) for beat in range(8)]
     script = [*beats, (420, commands.Switch(to="shot1"))]
     script += [(480, commands.Switch(to="loop0", direct=True))]
-    assert same((150, 60), sorted(script, key=lambda row: row[0]), 650, fixed)
+    assert same(of_lengths(150, 60), sorted(script, key=lambda row: row[0]), 650, fixed)
 
 
 @pytest.mark.thorough
@@ -188,7 +190,21 @@ def test_a_one_shot_does_not_choose_how_many_beats_a_round_has(fixed):
 @pytest.mark.parametrize("tempo", [-3.0, 2.0, 3.0])
 def test_a_long_loop_is_entered_as_much_further_on_as_its_search_took(tempo, fixed):
     script = [(10, commands.SetTempo(factor=tempo)), (200, commands.Switch(to="loop1"))]
-    assert same((600, 600, 60), script, 400, fixed)
+    assert same(of_lengths(600, 600, 60), script, 400, fixed)
+
+
+@EITHER
+def test_a_layer_begins_as_soon_as_the_one_below_stands_still(fixed):
+    """Of quick motions, whose shares come and go in whole steps: what rounding left of one took a tick."""
+    quick, script = joint_library(JOINTS, 1, loops=2, shots=1, lengths=(120, 120, 60)), []
+    for number, frames in enumerate(quick.network._of.values()):
+        frames[:] = 0.1 * np.sin(0.1 * np.pi * np.arange(len(frames))[:, None] + np.arange(JOINTS) + number)
+    for tick in range(20, 1500, 150):
+        script += [(tick, commands.Layer(group="even", to="loop0", weight=0.9))]
+        script += [(tick + 12 + tick // 100, commands.Layer(group="half", to="loop1", weight=0.5))]
+        script += [(tick + 90, commands.Layer(group="off", to="loop0"))]
+    one = figure_of(quick, [f"joint{k}" for k in range(JOINTS)], LIMITS, 0.0 * ONES, 100.0)
+    assert same(one, script, 1600, fixed)
 
 
 @EITHER
