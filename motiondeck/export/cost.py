@@ -16,7 +16,7 @@ CORES = {
 FIXED = {  # without floating point, and networks
     "M4F": (16_600, 45_000, 4_700, 250, 0),
     "M3": (16_600, 45_000, 4_700, 250, 0),
-    "M0+": (17_700, 80_000, 15_000, 450, 0),
+    "M0+": (17_600, 80_000, 15_000, 450, 0),
 }
 _NETWORKS = 900  # bytes of code
 _PLAYER, _PLAYER_JOINT, _STACK, _STACK_JOINT = 1056, 368, 720, 16  # bytes, with room for four layers and a blend

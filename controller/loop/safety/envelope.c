@@ -90,10 +90,10 @@ static REAL braked(REAL v, REAL a, REAL most_a, REAL j) {
 }
 
 #ifdef MD_FIXED
-SHARED int64_t let_go(int64_t a, int32_t j, int64_t n) { return n * a - (j >> 1) * n * (n - 1); }
+SHARED int64_t let_go(int32_t a, int32_t j, int64_t n) { return n * a - (j >> 1) * n * (n - 1); }
 /* The way in n ticks that begin with a velocity and an acceleration from which six times a sixth goes away in each. */
-SHARED int64_t way_in(int64_t n, int64_t v, int64_t a, int64_t sixth) {
-  int64_t two = n * (n + 1);
+SHARED int64_t way_in(int32_t n, int64_t v, int32_t a, int32_t sixth) {
+  int64_t two = (int64_t)n * (n + 1);
   return n * v + (two >> 1) * a - two * (n + 2) * sixth;
 }
 
@@ -113,14 +113,14 @@ static Run stopping_run(REAL velocity, REAL acceleration, REAL most_acceleration
 
   int64_t over = fast - let_go(most_a, j, up(most_a, j));
   if (over >= 0) {
-    int64_t q = md_quotient((uint64_t)over, (uint32_t)most_a) + 1;
+    int32_t q = md_quotient((uint64_t)over, (uint32_t)most_a) + 1;
     run += way_in(q, fast, -most_a, 0);
-    fast -= q * most_a;
+    fast -= (int64_t)q * most_a;
   }
 
   int32_t h = held_back(md_real::of((int32_t)fast), jerk).raw;
-  int64_t n = up(h, j);
-  run += way_in(n - 1, 0, h - n * j, -sixth);
+  int32_t n = up(h, j);
+  run += way_in(n - 1, 0, (int32_t)((uint32_t)h - (uint32_t)n * (uint32_t)j), -sixth);
 
   int64_t dip = 0;
   if (v < 0) {
