@@ -50,14 +50,14 @@ class DeckView:
         height, model = self._scene.height, self._scene.robot.model
         self._steps = LiveSteps(page, model, np.array(about.rest) if about.rest else model.qpos0, height)
         self._forces = LiveForces(page, about.weight, height) if about.weight else None
-        self._panel = Panel(
+        self.panel = Panel(
             page, about, commands, look_from=self._scene.look_from, before=lambda: self._past.call_back()
         )
         self._network = None
         if about.network_file:
-            self._network = NetworkView(self._panel.parts, Path(about.network_file), height)
+            self._network = NetworkView(self.panel.parts, Path(about.network_file), height)
         if about.push_ns:
-            BodyPush(self._scene.robot, height, about.push_ns, self._panel.send)
+            BodyPush(self._scene.robot, height, about.push_ns, self.panel.send)
         self._add_side(model, about, commands, dropped)
         self._camera, self._centre = Follower(), np.zeros(2)
         self._last_picture = self._last_health = 0.0
@@ -65,7 +65,7 @@ class DeckView:
 
     def _add_side(self, model: mujoco.MjModel, about: PageDescription, commands: CommandClient, dropped: Path) -> None:
         """Puts the servos and the learning of new motions on the left, and the last minutes below."""
-        gui, parts = self._page.gui, self._panel.parts
+        gui, parts = self._page.gui, self.panel.parts
         rig = about.rig
         self._rig = self._glow = self.hands = None
         self._past = Past(parts, self._bodies)
@@ -73,8 +73,8 @@ class DeckView:
         side = gui.add_panel() if rig is not None or about.learn else None
         if side is not None and rig is not None:
             with side.add_tab("Rig", viser.Icon.ENGINE):
-                look = partial(query_servos, commands, self._panel.refuse)
-                self._rig = RigPanel(parts, rig, self._panel.ask, look)
+                look = partial(query_servos, commands, self.panel.refuse)
+                self._rig = RigPanel(parts, rig, self.panel.ask, look)
             self._glow = JointGlow(self._page, model, [servo.joint for servo in rig.servos], self._scene.height)
         tab = partial(gui.add_folder, expand_by_default=False) if side is None else side.add_tab
         if about.human is not None and about.library_file and not about.behind_s:
@@ -88,10 +88,10 @@ class DeckView:
             self._log = EventLog(parts, self._past.look)
         if side is not None and about.learn and about.library_file:
             with side.add_tab("Learn", viser.Icon.SCHOOL):
-                ask = self._panel.ask
+                ask = self.panel.ask
                 learning = LearnPanel(parts, about.learn, Path(about.library_file), dropped, ask)
                 if rig is not None:
-                    self.hands = HandRecorder(parts, rig, dropped, ask, self._panel.send, learning.look_at)
+                    self.hands = HandRecorder(parts, rig, dropped, ask, self.panel.send, learning.look_at)
         if side is not None:
             side.dock_left()
             side.set_width(SIDE_WIDTH)
@@ -108,12 +108,12 @@ class DeckView:
         self._history.keep(latest, now)
         if clients := self._page.get_clients():  # drawing without a browser costs as much
             self._draw(latest, min(now - self._last_picture, LONGEST_STEP))
-            self._past.show(clients, self._panel.view(), self._centre, now)
+            self._past.show(clients, self.panel.view(), self._centre, now)
         self._last_picture = now
         if not self._page.is_watched or now - self._last_health < 1.0 / HEALTH_PER_SECOND:
             return
         self._last_health, servos = now, latest.servos
-        self._panel.show(latest.snapshot)
+        self.panel.show(latest.snapshot)
         self._past.timeline.show()
         if self.hands is not None and servos is not None:
             self.hands.show(servos)
@@ -122,7 +122,7 @@ class DeckView:
 
     def _draw(self, latest: Picture, dt: float) -> None:
         """Draws a picture, dt seconds after the last."""
-        view, bodies = self._panel.view(), latest.arrays
+        view, bodies = self.panel.view(), latest.arrays
         if view.follows:
             self._centre = self._camera.follow(bodies.qpos[:2], dt)
         centre = self._centre
@@ -141,15 +141,15 @@ class DeckView:
         """Shows an event of the deck."""
         if LOOKS.get(event.kind, ROUTINE).calls_back:
             self._past.call_back()
-        self._panel.show_event(event)
+        self.panel.show_event(event)
         self._past.timeline.mark(event)
         self._log.note(event, self._history.now, self._history.now_s)
 
     def end(self, reason: str) -> None:
         """Shows that the run has ended, and why."""
         self._past.call_back()
-        self._past.show(self._page.get_clients(), self._panel.view(), self._centre, 0.0)
-        self._panel.end(reason)
+        self._past.show(self._page.get_clients(), self.panel.view(), self._centre, 0.0)
+        self.panel.end(reason)
 
 
 def _model(file: str) -> mujoco.MjModel:

@@ -25,7 +25,7 @@ from motiondeck.page.web.page_state import PageDescription
 from motiondeck.page.web.page_style import CURRENT, QUIET, STOPS, STYLE
 from motiondeck.page.web.parts import PageParts, Then
 from motiondeck.page.web.private_page import PrivatePage
-from motiondeck.page.web.state_line import ended_line, state_line
+from motiondeck.page.web.state_line import StateLine, ended_line, state_line
 from motiondeck_base.errors import MotiondeckError
 
 TARGET = "The pose that the servos are to reach, translucent"
@@ -171,9 +171,7 @@ class Panel:
         """Brings buttons, slider and figures up to date."""
         self._state = now
         tempo = round(now.commanded_tempo, 2)
-        self._line.content = self._operate.show(
-            state_line(now), deck_buttons(now), deck_cues(now), tempo=tempo, layers=self._layers
-        )
+        self.show_line(state_line(now))
         self._notices.show()
         self.motion_controls.show(now)
         self._pause.label = "Resume" if now.paused else "Pause"
@@ -191,6 +189,12 @@ class Panel:
         if self._recognition is not None:
             wrong = {"mismatch_s": round(now.mismatch_s, 1), "stuck": now.stuck}
             self._recognition.show({"seen": now.seen and [now.seen.motion, round(now.seen.confidence, 2)], **wrong})
+
+    def show_line(self, line: StateLine) -> None:
+        """Shows a line over what the deck said last."""
+        now, layers = self._state, self._layers
+        tempo = round(now.commanded_tempo, 2)
+        self._line.content = self._operate.show(line, deck_buttons(now), deck_cues(now), tempo=tempo, layers=layers)
 
     def show_event(self, event: Event) -> None:
         """Shows an event that nothing else on the page shows."""

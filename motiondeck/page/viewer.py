@@ -28,9 +28,11 @@ from controller.wire.telemetry import StateReader, named
 from motiondeck.page.deck_view import DeckView
 from motiondeck.page.web.page_state import PageDescription, Picture, PictureArrays
 from motiondeck.page.web.private_page import served
+from motiondeck.page.web.state_line import FAULT, StateLine
 from motiondeck_base.errors import MotiondeckError
 
 PICTURES_PER_SECOND = 25.0  # of 50, 100 or 200 ticks: as many between any two pictures
+SILENT = 2.0  # s without a tick, after which a deck does not answer
 LONGEST_WAIT = 600.0  # s for a deck that is starting, perhaps with a large robot on a busy machine
 
 
@@ -60,13 +62,17 @@ def view(state: Path, command_port: int | None, port: int) -> None:
             events = CommandClient(command_port)
             with contextlib.suppress(MotiondeckError):
                 events.post(Subscribe())
-            last_tick, last_state = -1.0, 0
+            last_tick, last_state, heard = -1.0, 0, time.monotonic()
             while not reader.ended and os.getppid() == parent:
                 now = time.monotonic()
                 latest = reader.read()
                 if latest is not None and latest["tick"][0] != last_tick and np.isfinite(latest["qpos"]).all():
-                    last_tick = latest["tick"][0]
+                    last_tick, heard = latest["tick"][0], now
                     shown.show(picture(latest), now)
+                elif last_tick >= 0.0 and now - heard > SILENT:
+                    # The guard of a rig is another process.
+                    of, held = f"of the deck for {now - heard:.0f} s", "a rig is held, and a stop still reaches it"
+                    shown.panel.show_line(StateLine("NO ANSWER", of, held, FAULT))
                 if (hands := shown.hands) is not None and hands.recording:
                     # More states are published than pictures drawn.
                     last_state, values = reader.since(last_state or reader.latest - 1)

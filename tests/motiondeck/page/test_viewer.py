@@ -73,6 +73,7 @@ class FakeDeck:
         self.pose = lambda tick, qpos: None  # changes qpos before each tick
         self.tempo = 1.0
         self.lift = 0.0  # m, of the root above where it stands
+        self.hangs = False
         self._qpos = model.qpos0.copy()
         self._over = threading.Event()
         self._thread = threading.Thread(target=self._play)
@@ -82,6 +83,8 @@ class FakeDeck:
         motion, tick, mode = 0, 0, "playing"
         # Seldom enough for a browser that draws in software to have time for the buttons between two pictures.
         while not self._over.wait(0.1):
+            if self.hangs:
+                continue
             tick += 1
             self._qpos[0] += self.stride
             self.pose(tick, self._qpos)
@@ -341,6 +344,26 @@ def figure_box(page):
     scene = page.locator("canvas").first.bounding_box()
     place = {"x": scene["x"] + left + 10, "y": scene["y"] + top + 60}
     return {**place, "width": right - left, "height": bottom - top}
+
+
+@pytest.mark.thorough
+def test_a_deck_that_hangs_is_not_shown_as_playing(deck, browser):
+    port = free_port()
+    viewer = start(deck, port)
+    page = browser.new_page(viewport={"width": 940, "height": 500})
+    try:
+        until(lambda: reachable(port), "the page")
+        page.goto(coarse(f"http://127.0.0.1:{port}"))
+        line = page.locator("#state-line")
+        line.get_by_text("PLAYING").wait_for()
+        deck.hangs = True
+        line.get_by_text("of the deck for 3 s").wait_for()
+        line.get_by_text("NO ANSWER").wait_for()
+        page.get_by_role("button", name="Emergency stop", exact=True).click()
+        deck.hangs = False
+        line.get_by_text("EMERGENCY STOP").wait_for()
+    finally:
+        end(viewer, page)
 
 
 @pytest.mark.thorough
