@@ -153,7 +153,7 @@ CUBIC: Array = 0.5 * np.array([[0, 2, 0, 0], [-1, 0, 1, 0], [2, -5, 4, -1], [-1,
 
 
 def nearest(place: float) -> int:
-    """The nearest whole number; it is the next one where its own rounding could choose, halfway between two."""
+    """The nearest whole number; the next one also just below halfway, so that rounding errors choose nothing."""
     return math.floor(place + 0.50013)
 
 

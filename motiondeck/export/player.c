@@ -93,7 +93,7 @@ static int whole_times(md_time x, md_real y, md_real *share) {
 }
 #endif
 
-/* exp x, for |x| < 10 */
+/* exp x, for |x| < 10, in fixed point for x < 4 */
 static md_real exponential(md_real x) {
   md_real part = x * (1.0f / 8.0f), power = 1.0f;
   for (int n = 10; n > 0; n--) power = 1.0f + share_of(part * power, n);
@@ -469,7 +469,7 @@ static void end_trial(md_player *p, md_real step, const md_fade **next) {
   md_real speed = sqrtf(p->fastest) / step / most(PLANNED_SHARE * p->bound.speed, p->already), duration, hard = HARD * step;
   /* The use of the planned share of the bounds; 1 is the limit. */
   md_real use = most(sqrtf(p->hardest) / hard / hard / (PLANNED_SHARE * p->bound.acceleration), speed * speed);
-  int better = use <= p->least /* which are alike at first in fixed point, if large */, whole = fade->slowing == fade->duration, exhausted;
+  int better = use <= p->least /* as large uses are alike in fixed point */, whole = fade->slowing == fade->duration, exhausted;
   p->moment = 0;
   if (++p->trials == 1) p->hasty = p->already > PLANNED_SHARE * p->bound.speed;
   if (better) p->best = *fade, p->least = use;

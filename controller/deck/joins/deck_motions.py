@@ -30,7 +30,7 @@ def course_of(posture: Posture, skeleton: Skeleton) -> Array:
 ENTRY_SHARE = 0.1
 HELD_M = 0.02
 LEAST_SPEED, LEAST_ACCELERATION = 0.5, 2.0  # m/s, m/s^2; less is standing still
-SUMMED = 1.13e-3  # s, that a sum of ticks is off by after hours, also of 32 bits in an exported player; no usual time
+SUMMED = 1.13e-3  # s; sums of ticks, also of 32 bits in an exported player, are off by less; no whole number of ms
 PEAKS_OVER = 0.005  # s over which the largest speeds and accelerations are taken; over less a footfall is harder
 
 

@@ -63,7 +63,7 @@ def load_compiled(path: Path) -> ctypes.CDLL | None:
 
 
 def unfit() -> list[str]:
-    """A line with the remedy if there is a compiled part that is not taken, because its source has changed or so."""
+    """A line with the remedy if there is a compiled part that is not used, as after a change of its source."""
     line = "the compiled safety envelope is not of this source: ticks are slower. pip install -e . compiles it anew"
     return [line] * (COMPILED.exists() and load_compiled(COMPILED) is None)
 

@@ -71,11 +71,11 @@ class Incident(NamedTuple):
     source: str  # the joint with its id, or the port
     what: str
     fault: bool = True  # whether something is wrong; not where it was commanded, or is well again
-    silent: tuple[str, ...] = ()  # of one that fell silent, all of its port that did not answer most of that time
+    silent: tuple[str, ...] = ()  # with one that fell silent: all of its port that did too, not those lost before
 
 
 class Health:
-    """The health of a rig's J joints on one port."""
+    """The health of a rig's J joints."""
 
     def __init__(self, config: RigConfig, now: float) -> None:
         count = len(config.joints)
@@ -237,7 +237,7 @@ class Health:
                 detail = f": {_heat(measured, index)}"
             elif kind == _STARVED:
                 detail = f": {measured.voltages[index]:.1f} V"
-            quiet = (now - self._read_at > 0.5 * silence[index]) & (self._port_of == self._port_of[index])
+            quiet = (now - self._read_at > 0.5 * silence[index]) & (self._port_of == self._port_of[index]) & ~self.lost
             with_it = tuple(self._names[one] for one in np.flatnonzero(quiet & (kind in (_SILENT, _BACK))).tolist())
             self.incidents.append(Incident(now, self._names[index], _INCIDENTS[kind] + detail, silent=with_it))
 

@@ -166,8 +166,8 @@ class Strain:
     The current of each joint, as a part of the allowed one, is smoothed over a quarter of a second. Above 75 % the
     joint yields: its goal stays so near its position that it keeps pushing with half the current. Below 60 % it
     follows its target again. A motor that draws more than its maker says, or has a higher voltage, would push harder
-    from there: its goal comes nearer until half is what is measured. A joint yields at once while one of two servos is
-    out of reach, which may pull at it: with all its current the other would leap back when that gives way.
+    from there: its goal comes nearer until half is what is measured. While one of two servos is out of reach, it may
+    pull at the joint: the current is not smoothed then, so that the other yields before it could leap back.
     """
 
     def __init__(self, config: RigConfig, slack: Array) -> None:
@@ -188,7 +188,7 @@ class Strain:
         return self._nearer * self._gentle * self._slack
 
     def note(self, currents: Array, now: float, alone: NDArray[np.bool_] | bool = False) -> None:
-        """Takes in the currents (J,), A, measured at the time `now`, s, of joints that the other servo left `alone`."""
+        """Takes in the currents (J,), A, measured at the time `now`, s, and which joints one servo holds `alone`."""
         share = np.where(alone, 1.0, -math.expm1(-min(1.0, max(0.0, now - self._noted)) / _SMOOTHED_OVER))
         self._noted = now
         taken = np.abs(currents) / self._allowed

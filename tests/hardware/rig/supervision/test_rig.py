@@ -537,3 +537,10 @@ def test_nor_does_one_that_shuts_down_meanwhile(build, other):
     assert rig.positions[[0, 2, 3]] == pytest.approx(0.3, abs=0.01)
     assert conditions(rig)[1] == "is lost"
     assert "joint_2 (id 2)', what='has shut down; the rig goes on without it" in str(rig.incidents)
+
+
+def test_a_servo_that_falls_silent_is_not_told_together_with_one_that_was_lost_before(build):
+    rig, port = build("dead:id=2,at=0.5", "dead:id=3,at=3", "dead:id=4,at=3", on_loss="go on")
+    play(rig, port, [0.3] * 4, 4.0)
+    both = ("joint_3 (id 3)", "joint_4 (id 4)")
+    assert [one.silent for one in rig.incidents if one.silent] == [("joint_2 (id 2)",), both, both]
