@@ -452,7 +452,7 @@ MUTANTS = (
     ),
     Mutant(
         "actuator: the temperature limit is the table's", "hardware/rig/state_block.py", OWN,
-        '[read_register(joint, bus, "temperature_limit") for joint in config.joints]',
+        'read_each(config, bus, "temperature_limit")',
         "[joint.hottest for joint in config.joints]",
     ),
     Mutant(
