@@ -80,9 +80,10 @@ class PhaseFilter:
         self._offset = np.zeros(self._count, dtype=complex)  # of the person's own points, and of their heights
         self._offset_up = np.zeros(self._count)
         self.misfit = PLACE**2  # m^2, of the points from those of the likeliest state; a running mean over the time OWN
-        self._keep = np.eye(len(TEMPOS)) * (1.0 - CHANGE) + CHANGE / len(TEMPOS)
-        self._belief: Array = np.full((len(TEMPOS), frames), 1.0 / (len(TEMPOS) * frames))
-        self._padded = np.zeros((len(TEMPOS), frames + 1))
+        size = len(TEMPOS)
+        self._keep = np.eye(size) * (1.0 - CHANGE) + CHANGE / size
+        self._belief: Array = np.full((size, frames), 1.0 / (size * frames))
+        self._padded = np.zeros((size, frames + 1))
         self._seen: deque[Array] = deque(maxlen=PAST + 1)
 
     def step(self, measured: Array) -> None:

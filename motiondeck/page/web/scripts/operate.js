@@ -209,9 +209,7 @@ motiondeck.operate ??= (() => {
     if (!view) return;
     const { left, top, width, height } = view.querySelector(".robot").getBoundingClientRect();
     for (const [name, value] of Object.entries({ left, top, width, height })) root.style.setProperty(`--robot-${name}`, `${value}px`);
-    const { link } = root.dataset;
-    view.dataset.link = link;
-    write(view.querySelector(".stop"), link ? "STOP NOT CONNECTED" : "EMERGENCY STOP");
+    write(view.querySelector(".stop"), root.dataset.link ? "STOP NOT CONNECTED" : "EMERGENCY STOP");
   }, 100);
   return true;
 })();
