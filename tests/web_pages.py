@@ -1,6 +1,7 @@
 """What tests of pages share: a scene that is drawn fast, and files that are dropped."""
 
 import base64
+import re
 
 from playwright.sync_api import Error
 
@@ -15,8 +16,9 @@ def printed_address(lines):
     first = lines.readline()
     while first.startswith(("granted: ", "not permitted: ", "which motions ")):
         first = lines.readline()
-    assert first.startswith("page: http://127.0.0.1:"), first
-    return first.split()[1]
+    found = re.fullmatch(r"page: (http://127\.0\.0\.1:\d+)\n", first)
+    assert found, first
+    return found[1]
 
 
 def open_early(page, address):

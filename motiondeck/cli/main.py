@@ -13,6 +13,7 @@ from importlib import import_module
 from typing import Annotated, Any
 
 from motiondeck_base.early_end import take_signals
+from motiondeck_base.whole_lines import print_whole_lines
 
 # During imports Ctrl-C ends the program silently.
 signal.signal(signal.SIGINT, signal.SIG_DFL)
@@ -159,6 +160,7 @@ def _run() -> Any:
 def main() -> None:
     """Runs the command line; a user's mistake prints one line, with exit code 1."""
     signal.signal(signal.SIGINT, signal.default_int_handler)
+    print_whole_lines()
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")  # letters that the terminal lacks become question marks
     try:

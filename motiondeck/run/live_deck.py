@@ -20,6 +20,7 @@ import msgspec
 from controller.wire.messages.arguments import CommandError
 from motiondeck.run.spec.run_spec import RunSpec
 from motiondeck_base.errors import MotiondeckError
+from motiondeck_base.whole_lines import print_whole_lines
 
 _CHECK_EVERY = 0.5  # s
 
@@ -104,6 +105,7 @@ def main() -> int:
     """Plays the spec on the command line; 0 when it ended as it should, 1 when it could not begin."""
     spec = msgspec.json.decode(sys.argv[1], type=RunSpec)
     _stop_with_parent()
+    print_whole_lines()
     os.environ.setdefault("MUJOCO_GL", "disable")  # nothing is drawn here, and MuJoCo starts sooner without OpenGL
     try:
         from motiondeck.run.library_run import library_run
