@@ -109,11 +109,16 @@ def test_a_body_is_in_view_and_moves(page):
     assert until(page, lambda: np.abs(picture(page) - first).mean() > 1.0)
 
 
+def switch(page, motion):
+    """Presses the button of a motion, and waits until it plays alone."""
+    page.get_by_role("button", name=re.compile(f"^{motion}\\b(?!-)")).click()
+    assert until(page, lambda: state()["motion"] == motion and not state()["switching"])
+
+
 def test_a_button_switches_the_motion(page):
-    assert state()["motion"] == "walk"
+    switch(page, "walk")
     before = picture(page)
-    page.get_by_role("button", name=re.compile("^crawl")).click()
-    assert until(page, lambda: state()["motion"] == "crawl" and not state()["switching"])
+    switch(page, "crawl")
     # Who crawls leaves the upper half of the picture.
     upper = slice(0, 180)
     assert until(page, lambda: picture(page)[upper].std() < 0.8 * before[upper].std())
@@ -122,12 +127,14 @@ def test_a_button_switches_the_motion(page):
 def test_there_is_a_button_for_each_motion_and_one_to_pause(page):
     for motion in state()["motions"]:
         expect(page.get_by_role("button", name=re.compile(f"^{motion}\\b(?!-)"))).to_have_count(1)
-    page.get_by_role("button", name="Pause").click()
+    if not state()["paused"]:
+        page.get_by_role("button", name="Pause").click()
     assert until(page, lambda: state()["paused"])
 
 
 def test_the_page_says_how_the_loop_is_doing(page):
-    page.get_by_text("loop", exact=True).click()
+    if not page.get_by_text("p50").locator("visible=true").count():
+        page.get_by_text("loop", exact=True).click()
     for word in ("Hz", "p50", "p99.9", "tick"):
         page.get_by_text(word).locator("visible=true").first.wait_for()
 
