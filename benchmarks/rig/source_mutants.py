@@ -85,7 +85,7 @@ MUTANTS = {
     ),
     "gripper that yields": Mutant(Strain.__init__, "math.inf if joint.grip else", "", ("jam", "a gripper")),
     "gripper that lets go": Mutant(places_of_rest, "joint.grip for", "False for", ("jam", "a gripper")),
-    "old place of one of two": Mutant(JoinedMeasurements.update, "one.torque & (count", "(count", ("reboot", _PAIR)),
+    "old place of one of two": Mutant(JoinedMeasurements.update, "joints.torque & (count", "(count", ("reboot", _PAIR)),
     "times of two unlike": Mutant(
         JoinedMeasurements.update,
         "positions, firsts) - moved",
@@ -93,7 +93,7 @@ MUTANTS = {
         ("", "two servos that are read one after the other"),
     ),
     "one of two goes on alone": Mutant(
-        Rig.write, "np.where(self._joined.waits, stay, targets)", "targets", ("duplicate", _PAIR)
+        Rig._held_back, "np.where(self._joined.waits, stay, targets)", "targets", ("duplicate", _PAIR)
     ),
     "caught up while it waits": Mutant(JointPace.sent, " | held", "", ("swap", _PAIR)),
     "torque beside a moving partner": Mutant(
@@ -106,7 +106,7 @@ MUTANTS = {
     "path of one of two astray": Mutant(_await_partners, "> APART):", "> 9.0):", ("duplicate", _PAIR)),
     "one of two leaps back": Mutant(_await_partners, "> APART for", "> 9.0 for", ("duplicate", _PAIR)),
     "goals run away from a silent joint": Mutant(
-        Rig.write,
+        Rig._held_back,
         "unseen &= self._several",
         "unseen &= False",
         ("duplicate", "several turns"),

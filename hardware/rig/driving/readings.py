@@ -81,12 +81,11 @@ class Readings:
         self._scale = scale
         self._faults = faults
         self._ids = [joint.id for joint in config.joints]
-        self._own = np.array(joints, dtype=np.int64)
         self._several = bool(config.through_turns)
         self._hurry = _HURRY * np.array([joint.velocity for joint in config.joints])
         self._seen_at = np.zeros(len(config.joints))
-        self._line_of_all = tuple(self._own.tolist())
-        self._all = slice(None) if len(joints) == len(config.joints) else self._own
+        self._line_of_all = tuple(joints)
+        self._all = slice(None) if len(joints) == len(config.joints) else np.array(joints, dtype=np.int64)
         self._tables = [joint.table for joint in config.joints]
         self._problems: NDArray[np.uint8] | None = None  # by joint and error bits, where they are not the usual ones
         if any(bit != own for table in self._tables for bit, own in table.series.problems.items()):
@@ -95,14 +94,13 @@ class Readings:
         self._index = {self._ids[index]: index for index in self._line_of_all}
         self._everything = [everything(joint.table) for joint in config.joints]
         self._blocks = list(self._everything)
-        self._in_turns: list[int] = []
+        self._without_health: list[int] = []
         self._cached: dict[tuple[tuple[int, ...], frozenset[int]], Request] = {}
         self._requests = 0
         self._alerted: set[int] = set()
-        self._request: Request | None = None
+        self._asked: Request | RegisterReading | None = None  # what the next reply answers
         self.register_readings: deque[RegisterReading] = deque()  # servos whose registers are to be read, in order
-        self._register_reading: RegisterReading | None = None  # that the last request was for
-        self._turns = _turns(config, self._line_of_all)
+        self._rotation = _rotation(config, self._line_of_all)
         self._ask_again = round(_ASK_AGAIN * (config.read_hz or config.rate_hz))  # requests
 
     def start(self, joints: Sequence[int], positions: Array, blocks: Sequence[StateBlock], now: float) -> None:
@@ -110,9 +108,9 @@ class Readings:
         where, measured = np.array(joints, dtype=np.int64), self.measured
         for index, block in zip(joints, blocks, strict=True):
             self._blocks[index] = block
-        self._in_turns = [index for index in self._line_of_all if not self._blocks[index].healthy]
+        self._without_health = [index for index in self._line_of_all if not self._blocks[index].healthy]
         self._cached.clear()
-        self._request = self._register_reading = None
+        self._asked = None
         measured.positions[where] = measured.seen[where] = positions
         measured.velocities[where] = measured.currents[where] = 0.0
         measured.missed_in_a_row[where] = measured.errors[where] = 0
@@ -121,21 +119,21 @@ class Readings:
 
     def next_request(self) -> Request:
         """What to request next; see `requested`."""
-        line = self._line(self._turns[self._requests % len(self._turns)])
+        line = self._line(self._rotation[self._requests % len(self._rotation)])
         wide = frozenset(self._alerted)
-        if self._in_turns:
-            wide |= {self._in_turns[self._rounds % len(self._in_turns)]}
+        if self._without_health:
+            wide |= {self._without_health[self._rounds % len(self._without_health)]}
         return self._cached.get((line, wide)) or self._plan(line, wide)
 
     @property
     def _rounds(self) -> int:
-        return self._requests // len(self._turns)
+        return self._requests // len(self._rotation)
 
     def every_request(self) -> Iterator[Request]:
         """Each that comes up while all servos answer and none reports a problem."""
-        for turn in self._turns:
-            line = self._line(turn)
-            for wide in [frozenset({index}) for index in self._in_turns] or [frozenset[int]()]:
+        for group in self._rotation:
+            line = self._line(group)
+            for wide in [frozenset({index}) for index in self._without_health] or [frozenset[int]()]:
                 yield self._plan(line, wide)
 
     def next_register_reading(self) -> RegisterReading | None:
@@ -148,21 +146,21 @@ class Readings:
     def requested(self, request: Request | RegisterReading) -> None:
         """Notes that a request was sent: the next reply answers it."""
         self._requests += 1
+        self._asked = request
         if isinstance(request, RegisterReading):
-            self._request, self._register_reading = None, request
-            return
-        self._request, self._register_reading = request, None
-        self._alerted.clear()
+            request.write = b""
+        else:
+            self._alerted.clear()
 
     def take(self, reply: WholeReply | GroupReply, now: float) -> bool:
         """Takes the reply to the last request and counts what is missing; whether anything was measured."""
-        if (reading := self._register_reading) is not None:
-            id, self._register_reading = reading.block[0], None
-            status = (reply.statuses([id]) if isinstance(reply, WholeReply) else reply.statuses).get(id)
-            reading.take(None if status is None or status.error else status.params)
-            return False
-        request = self._request
+        request = self._asked
         if request is None:
+            return False
+        if isinstance(request, RegisterReading):
+            id, self._asked = request.block[0], None
+            status = (reply.statuses([id]) if isinstance(reply, WholeReply) else reply.statuses).get(id)
+            request.take(None if status is None or status.error else status.params)
             return False
         if isinstance(reply, WholeReply):
             if request.layout is not None and self._take_whole(reply, request, request.layout, now):
@@ -217,7 +215,7 @@ class Readings:
         """Counts alert bits; a joint whose block lacks the reason is asked for it next."""
         if np.logical_or.reduce(alert):
             self._faults.alert[self._joint_of[joints]] += alert
-            self._alerted.update(index for index in joints[alert].tolist() if index in self._in_turns)
+            self._alerted.update(index for index in joints[alert].tolist() if index in self._without_health)
 
     def _keep(self, joints: NDArray[np.int64] | slice, rows: NDArray[Any], now: float) -> None:
         """Takes over what joints measured; an arranged servo that has restarted shows nothing but zeros."""
@@ -269,26 +267,24 @@ class Readings:
         self._cached[line, wide] = request
         return request
 
-    def _line(self, turn: NDArray[np.int64] | None) -> tuple[int, ...]:
-        """The joints to ask, in order: of all, or of the present turn."""
+    def _line(self, group: NDArray[np.int64]) -> tuple[int, ...]:
+        """The joints of a group to ask, in order."""
         # A silent servo may silence all behind it, so one that missed a reply comes last; one that missed several is
         # asked only at intervals, alone, because waiting for it makes all states older.
-        missed = self.measured.missed_in_a_row
+        missed = self.measured.missed_in_a_row[group]
         if not np.logical_or.reduce(missed):
-            return self._line_of_all if turn is None else tuple(turn.tolist())
-        joints = self._own if turn is None else turn
-        missed = missed[joints]
-        good = joints[missed == 0].tolist()
-        doubtful = joints[(missed > 0) & (missed < _PATIENCE)].tolist()
-        lost = joints[missed >= _PATIENCE].tolist()
+            return tuple(group.tolist())
+        good = group[missed == 0].tolist()
+        doubtful = group[(missed > 0) & (missed < _PATIENCE)].tolist()
+        lost = group[missed >= _PATIENCE].tolist()
         # All at the same intervals; counted in requests to this line, so that none is skipped.
-        number, rest = divmod(self._rounds, max(1, self._ask_again // (len(self._turns) * max(1, len(lost)))))
+        number, rest = divmod(self._rounds, max(1, self._ask_again // (len(self._rotation) * max(1, len(lost)))))
         again = [lost[number % len(lost)]] if lost and (rest == 0 or not good + doubtful) else []
         return tuple(good + doubtful + again)
 
 
-def _turns(config: RigConfig, joints: Sequence[int]) -> list[NDArray[np.int64] | None]:
-    """The joints of each request, which repeat in this order; None for all of the port at once."""
+def _rotation(config: RigConfig, joints: Sequence[int]) -> list[NDArray[np.int64]]:
+    """The joints of each request, which repeat in this order."""
     tables = {index: config.joints[index].table for index in joints}
     groups: dict[Family, list[int]] = {}
     for index, table in tables.items():
@@ -296,7 +292,6 @@ def _turns(config: RigConfig, joints: Sequence[int]) -> list[NDArray[np.int64] |
             groups.setdefault(table.family, []).append(index)
     largest, *others = sorted(groups.values(), key=len, reverse=True) or [[]]
     if len(largest) == len(tables):
-        return [None]
+        return [np.array(largest, dtype=np.int64)]
     alone = [[index] for index, table in tables.items() if not table.series.bulk_reads]
-    turns = [line for other in [*others, *alone] for line in (largest, other) if line]
-    return [np.array(line) for line in turns]
+    return [np.array(group) for other in [*others, *alone] for group in (largest, other) if group]

@@ -15,7 +15,7 @@ be silent right behind such a write, all get the slowest of the silent ones' spe
 
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,6 +38,15 @@ _ARM_AGAIN = 1.0  # s
 _WRITTEN = ("goal_position", "profile_velocity", "bus_watchdog")
 _BEHIND_HEADER = 4  # bytes of a frame: the header itself may have a pattern that is stuffed
 _SHORT_DELAY = 20e-6  # s; a servo's answer that starts so soon costs nothing that could be saved
+
+
+class Prepared(NamedTuple):
+    """Servos of a port that hold where they stand, with what is read of them."""
+
+    rows: list[int]  # their indices in the rig; see `RigConfig.servos`
+    held: Held
+    blocks: list[StateBlock]
+    own: OwnSettings
 
 
 class ServoPort:
@@ -69,7 +78,7 @@ class ServoPort:
         self.places = slice(None) if len(self.joints) == len(config.joints) else self.joints  # the same, of arrays
         self.servos, names = part.servos, config.servos.names  # more than joints, where two turn one
         self.rows = np.array([names.index(name) for name in self.servos.names])  # indices in the rig, shape (s,)
-        self._joint_of = np.array(config.joint_of)
+        self.joint_of = np.array(config.joint_of)  # of all servos of the rig, shape (S,)
         self.bus = bus
         bus.families = part.families
         self._goals = list(_writes(self.servos, "goal_position", self.rows, len(names)))
@@ -86,7 +95,7 @@ class ServoPort:
         self._armed = self._stopped = self._closed = False
         self._arm_next = self._reads_next = 0.0
         self._switched_on = False
-        self._scale = scale
+        self.scale = scale
         self.turns = turns
         self.goals = np.zeros(count)  # where the rig wants the joints, shape (J,), rad
         self.ended: Callable[[Bus], None] = lambda bus: None  # called at the end, before the bus is closed
@@ -94,11 +103,9 @@ class ServoPort:
             servos = self.servos
             held = switch_on(servos, bus, turns)
             self._fast = know_fast_reads(servos, read_each(servos, bus, "firmware_version"))
-            keep_zeros(servos, held.zeros, turns)
-            blocks = arrange_state(servos, bus)
-            own = read_own_settings(servos, bus)
+            prepared = self.prepare(servos, self.rows.tolist(), held)
             delays = [2e-6 * count for count in read_each(servos, bus, "return_delay_time")]
-            refuse_slow_wire(servos, blocks, self._fast, delays)
+            refuse_slow_wire(servos, prepared.blocks, self._fast, delays)
         except MotiondeckError as error:
             raise with_torque(error, self.close()) from error
         except BaseException:
@@ -106,12 +113,12 @@ class ServoPort:
             raise
         self._switched_on = True
         self.readings = Readings(config, self.rows.tolist(), scale, measured, faults)
-        self.attach(bus, self.rows.tolist(), held, blocks, own, bus.port.now())
+        self.attach(prepared, bus.port.now())
 
     @property
     def believed(self) -> Array:
         """Where the servos of this port were last seen, and their goals, shape (2, s), rad: see `find_zeros`."""
-        return np.array([self.readings.measured.seen[self.rows], self.goals[self._joint_of[self.rows]]])
+        return np.array([self.readings.measured.seen[self.rows], self.goals[self.joint_of[self.rows]]])
 
     @property
     def stopped(self) -> bool:
@@ -149,7 +156,7 @@ class ServoPort:
 
     def _silent(self, missed: NDArray[np.int64]) -> NDArray[np.bool_]:
         """The servos of this port that should answer and do not, shape (S,)."""
-        return (missed > 0) & ~self.left_out[self._joint_of] & self._own
+        return (missed > 0) & ~self.left_out[self.joint_of] & self._own
 
     def request_state(self) -> None:
         """Requests the state without sending goals; nothing happens while a reply is under way."""
@@ -161,12 +168,15 @@ class ServoPort:
         reply = self.bus.collect() or self.bus.collect_early()
         return reply is not None and self.readings.take(reply, now)
 
-    def attach(
-        self, bus: Bus, rows: Sequence[int], held: Held, blocks: Sequence[StateBlock], own: OwnSettings, now: float
-    ) -> None:
-        """Goes on over this bus, where these servos hold; see `Readings.start`."""
-        self.bus = bus
-        self._scale.zero[rows] = held.zeros
+    def prepare(self, servos: RigConfig, rows: list[int], held: Held) -> Prepared:
+        """Keeps the zeros of servos that hold, arranges their states, and reads their own settings."""
+        keep_zeros(servos, held.zeros, self.turns)
+        return Prepared(rows, held, arrange_state(servos, self.bus), read_own_settings(servos, self.bus))
+
+    def attach(self, prepared: Prepared, now: float) -> None:
+        """Goes on with servos where they hold; see `Readings.start`."""
+        rows, held, blocks, own = prepared
+        self.scale.zero[rows] = held.zeros
         measured = self.readings.measured
         measured.hottest[rows], measured.slack[rows], measured.shutdown[rows] = own
         self.readings.start(rows, held.angles, blocks, now)
@@ -179,7 +189,7 @@ class ServoPort:
 
     def loosen(self, joints: NDArray[np.bool_]) -> None:
         """Takes the torque off the servos of these joints, shape (J,), unanswered and without waiting."""
-        own = np.flatnonzero(joints[self._joint_of[self.rows]]).tolist()
+        own = np.flatnonzero(joints[self.joint_of[self.rows]]).tolist()
         if own:
             sync_write_all(self.servos.only(own), self.bus, "torque_enable", 0)
 
@@ -201,7 +211,7 @@ class ServoPort:
 
     def _speed_frames(self, silent: NDArray[np.bool_] | None = None) -> bytes:
         """The frames that give each servo its part of the speed limit, none more than a silent one keeps."""
-        paces = zip(self.servos.joints, self.pace[self._joint_of[self.rows]].tolist(), strict=True)
+        paces = zip(self.servos.joints, self.pace[self.joint_of[self.rows]].tolist(), strict=True)
         counts = np.zeros(len(self._own))
         counts[self.rows] = [speed_counts(joint, pace) for joint, pace in paces]
         if silent is not None:
@@ -216,16 +226,15 @@ class ServoPort:
         if now < self._reads_next:
             return False
         # No servo's reply is missed for registers while speeds have to be proven.
-        if self._paced and not self._unproven and (reading := self.readings.next_register_reading()) is not None:
-            if not self.bus.request((reading.block,), self._fast, before + reading.write):
-                return False
-            reading.write = b""
-            self.readings.requested(reading)
+        reading = self.readings.next_register_reading() if self._paced and not self._unproven else None
+        if reading is not None:
+            request, blocks, before = reading, (reading.block,), before + reading.write
         else:
-            question = self.readings.next_request()
-            if not self.bus.request(question.blocks, self._fast, before):
-                return False
-            self.readings.requested(question)
+            request = self.readings.next_request()
+            blocks = request.blocks
+        if not self.bus.request(blocks, self._fast, before):
+            return False
+        self.readings.requested(request)
         self._last_sent = now
         if self.part.read_hz:
             # Half a tick of grace: a loop's ticks are never quite on time.

@@ -230,30 +230,33 @@ class Health:
 
     def _report(self, new: Mask, measured: Measurements, silence: Array, now: float) -> None:
         for kind, index in zip(*(axis.tolist() for axis in np.nonzero(new)), strict=True):
-            detail = ""
-            if kind == _DOWN:
-                detail = f": {describe_errors(int(measured.errors[index]))}"
-            elif kind == _WARM:
-                detail = f": {_heat(measured, index)}"
-            elif kind == _STARVED:
-                detail = f": {measured.voltages[index]:.1f} V"
             quiet = (now - self._read_at > 0.5 * silence[index]) & (self._port_of == self._port_of[index]) & ~self.lost
             with_it = tuple(self._names[one] for one in np.flatnonzero(quiet & (kind in (_SILENT, _BACK))).tolist())
-            self.incidents.append(Incident(now, self._names[index], _INCIDENTS[kind] + detail, silent=with_it))
+            self.incidents.append(Incident(now, self._names[index], _in_words(kind, measured, index), silent=with_it))
 
     def _explain(
         self, measured: Measurements, down: Mask, hot: Mask, silent: Mask, restless: Mask, apart: Mask
     ) -> None:
         for index in np.flatnonzero(self.fatal).tolist():
             reasons = (
-                (down, f"has shut down: {describe_errors(int(measured.errors[index]))}"),
+                (down, _in_words(_DOWN, measured, index)),
                 (hot, f"is too hot: {_heat(measured, index)}"),
-                (silent, _INCIDENTS[_SILENT]),
+                (silent, _in_words(_SILENT, measured, index)),
                 (restless, "keeps restarting"),
                 (apart, f"has two servos that are {measured.apart[index]:.2f} rad apart"),
             )
             else_ = "does not follow its target, although it was set up anew"
             self._reason[index] = next((reason for found, reason in reasons if found[index]), else_)
+
+
+def _in_words(kind: int, measured: Measurements, index: int) -> str:
+    """An incident of a joint, with what was measured of it."""
+    details = {
+        _DOWN: f": {describe_errors(int(measured.errors[index]))}",
+        _WARM: f": {_heat(measured, index)}",
+        _STARVED: f": {measured.voltages[index]:.1f} V",
+    }
+    return _INCIDENTS[kind] + details.get(kind, "")
 
 
 def _heat(measured: Measurements, index: int) -> str:

@@ -65,15 +65,13 @@ class JointPace:
         passed = self._passed = max(0.0, now - self._last)
         self._last = now
         self._time += passed
-        strain, part = self.strain, self.ease.part
-        if np.logical_or.reduce(self.catching_up.joints):
-            part = self.part
-        if np.logical_or.reduce(strain.yielding):
-            reach = strain.reach
+        yielding = self.strain.yielding
+        if np.logical_or.reduce(yielding):
+            reach = self.strain.reach
             near = np.clip(targets, positions - reach, positions + reach)
-            targets = np.where(strain.yielding, near, targets)
-            self.catching_up.joints |= strain.yielding
-            part = np.where(strain.yielding, 1.0, self.part)
+            targets = np.where(yielding, near, targets)
+            self.catching_up.joints |= yielding
+        part = np.where(yielding, 1.0, self.part)
         within = self._scale.within(targets)
         speed = self._speed * part
         reach = speed * np.where(part < 1.0, min(self._longest, passed), self._time)

@@ -6,32 +6,17 @@ until it works or the time is over.
 
 import threading
 from collections.abc import Callable
-from typing import NamedTuple
 
 import numpy as np
 
 from hardware.bus.servo_bus import Bus
 from hardware.errors import MotiondeckError, RigError, SerialPortError
-from hardware.rig.driving.servo_port import ServoPort
-from hardware.rig.state_block import OwnSettings, StateBlock, arrange_state, read_own_settings
+from hardware.rig.driving.servo_port import Prepared, ServoPort
 from hardware.rig.supervision.health import Health
 from hardware.rig.supervision.pace import SLOWER
-from hardware.rig.switching.torque import Held, resume
-from hardware.rig.switching.turns import keep_zeros
+from hardware.rig.switching.torque import resume
 
 _PAUSE = 0.05  # s between two tries
-
-
-class Recovered(NamedTuple):
-    """Servos that are set up again: where they hold, the block to read of each, and what it keeps."""
-
-    bus: Bus
-    joints: list[int]  # the indices of their joints
-    rows: list[int]  # their own indices in the rig; see `RigConfig.servos`
-    firsts: list[int]  # the places in `rows` of the first servo of each joint
-    held: Held
-    blocks: list[StateBlock]
-    own: OwnSettings
 
 
 class PortRecovery:
@@ -45,7 +30,7 @@ class PortRecovery:
         self._beside, self._sleep = beside, sleep
         self.under_way = False  # whether it runs, or its result was not taken yet
         self.cancelled = False  # set to end it as soon as possible; see `wait`
-        self._recovered: Recovered | None = None
+        self._recovered: Prepared | None = None
         self.failure: MotiondeckError | None = None  # why the last try has failed
         self.to_do: Callable[[Bus], object] | None = None  # another task that waits for answers; it is done first
         self.job: threading.Thread | None = None
@@ -65,7 +50,7 @@ class PortRecovery:
         """Whether it has ended, well or not."""
         return self.job is None or not self.job.is_alive()
 
-    def take(self) -> Recovered | None:
+    def take(self) -> Prepared | None:
         """The result; None if it failed."""
         self.under_way, self.job = False, None
         recovered, self._recovered = self._recovered, None
@@ -95,12 +80,7 @@ class PortRecovery:
                 alive = port.part.only(places).servos
                 own = [port.servos.names.index(name) for name in alive.names]
                 held = resume(alive, bus, port.believed[:, own], SLOWER, lambda: self.cancelled)
-                joints, rows = port.joints[places].tolist(), port.rows[own].tolist()
-                firsts = [index for index, servo in enumerate(alive.joints) if servo.name == servo.joint_name]
-                keep_zeros(alive, held.zeros, port.turns)
-                self._recovered = Recovered(
-                    bus, joints, rows, firsts, held, arrange_state(alive, bus), read_own_settings(alive, bus)
-                )
+                self._recovered = port.prepare(alive, port.rows[own].tolist(), held)
                 return
             except MotiondeckError as error:
                 self.failure = error

@@ -123,7 +123,7 @@ class Rig:
             port.left_out, port.goals = self.health.lost, self.goals
             if port.part.through_turns and port.turns is not None:
                 report = partial(self._note_port, port)
-                self.turn_keepers.append(TurnKeeper(port, port.turns, self._scale, by_servo, of, report))
+                self.turn_keepers.append(TurnKeeper(port, port.turns, report))
             self._recoveries.append(PortRecovery(port, self.health, partial(open_bus, port.part), beside, sleep))
         self._keeping = KeeperThread(self.turn_keepers if beside else [])
 
@@ -178,20 +178,8 @@ class Rig:
         if not ready:
             return
         with self.write_us:
-            pace, held = self.pace, ~np.isfinite(targets)
-            if np.logical_or.reduce(held):
-                self.faults.refused[:] += held
-                targets = np.where(held, self.goals, targets)
-            if self._several is not None:
-                unseen = self.measured.missed_in_a_row >= _UNSEEN
-                unseen |= self._now() - self.measured.read_at > self._unseen_for
-                unseen &= self._several
-                held |= unseen
-                targets = np.where(unseen, self.goals, targets)
-            if self._joined is not None:
-                held |= self._joined.waits
-                stay = np.where(np.isnan(self._joined.places), self.goals, self._joined.places)
-                targets = np.where(self._joined.waits, stay, targets)
+            pace = self.pace
+            targets, held = self._held_back(targets)
             goals, beyond = pace.bound(targets, self.goals, self.positions, self._now())
             if np.logical_or.reduce(beyond):
                 self.faults.clipped[:] += beyond
@@ -213,6 +201,24 @@ class Rig:
         for one in ready:
             if not one.under_way and one.port.stopped:
                 one.start(_RECOVERED_WITHIN)
+
+    def _held_back(self, targets: Array) -> tuple[Array, NDArray[np.bool_]]:
+        """The targets, but for joints that stay where they are; and which do."""
+        held = ~np.isfinite(targets)
+        if np.logical_or.reduce(held):
+            self.faults.refused[:] += held
+            targets = np.where(held, self.goals, targets)
+        if self._several is not None:
+            unseen = self.measured.missed_in_a_row >= _UNSEEN
+            unseen |= self._now() - self.measured.read_at > self._unseen_for
+            unseen &= self._several
+            held |= unseen
+            targets = np.where(unseen, self.goals, targets)
+        if self._joined is not None:
+            held |= self._joined.waits
+            stay = np.where(np.isnan(self._joined.places), self.goals, self._joined.places)
+            targets = np.where(self._joined.waits, stay, targets)
+        return targets, held
 
     def request_state(self) -> None:
         """Requests the servos' states without sending targets."""
@@ -334,9 +340,10 @@ class Rig:
             raise RigError(f"the rig has stopped: {one.failure}") from one.failure
         if port.gone:
             self._note_port(port, "is back", fault=False)
-        port.attach(recovered.bus, recovered.rows, recovered.held, recovered.blocks, recovered.own, now)
+        port.attach(recovered, now)
         self._join()
-        self.goals[recovered.joints] = recovered.held.angles[recovered.firsts]
+        joints, firsts = np.unique(port.joint_of[recovered.rows], return_index=True)  # of two servos the first counts
+        self.goals[joints] = recovered.held.angles[firsts]
         self.recoveries += 1
         self.health.recovered(port.joints, now)
         self.pace.start_again(port.joints, now)

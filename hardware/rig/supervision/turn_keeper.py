@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 
 from hardware.bus.servo_bus import Bus
 from hardware.errors import ServoError
-from hardware.rig.driving.readings import Measurements
 from hardware.rig.driving.servo_port import ServoPort
 from hardware.rig.registers import read_each
-from hardware.rig.scale import Array, RigScale
+from hardware.rig.scale import Array
 from hardware.rig.turn_file import Turn, TurnFile
 from motiondeck_base.errors import MotiondeckError
 
@@ -32,24 +31,14 @@ _ENDS_WITHIN = 10  # looks
 class TurnKeeper:
     """The kept turns of one port's servos."""
 
-    def __init__(
-        self,
-        port: ServoPort,
-        file: TurnFile,
-        scale: RigScale,
-        measured: Measurements,
-        joint_of: NDArray[np.int64],
-        report: Callable[[str], None],
-    ) -> None:
+    def __init__(self, port: ServoPort, file: TurnFile, report: Callable[[str], None]) -> None:
         """Looks at the joints of a port that go through several turns, kept in `file`, from now on, and at its end.
 
-        The `scale` and what is `measured` are of the servos of the whole rig, `joint_of` the joint of each; `report`
-        takes what has failed.
+        `report` takes what has failed.
         """
         several = port.servos.through_turns
         self._port, self._file, self._report = port, file, report
         self._own, self._rows = port.servos.only(several), port.rows[several]
-        self._scale, self._measured, self._joint_of = scale, measured, joint_of
         self._turn = np.array([joint.table.pulses_per_turn for joint in self._own.joints], dtype=np.float64)
         self._last, self._still = self._places, np.zeros(len(several))
         kept = file.read()
@@ -60,8 +49,8 @@ class TurnKeeper:
 
     def look(self) -> None:
         """Keeps what has changed since the last look."""
-        places, zeros = self._places, self._scale.zero[self._rows]
-        goals = self._pulses(self._port.goals[self._joint_of])
+        places, zeros = self._places, self._port.scale.zero[self._rows]
+        goals = self._pulses(self._port.goals[self._port.joint_of])
         rests = (np.abs(places - self._last) < _PLAY * self._turn) & (np.abs(places - goals) < _SURE * self._turn)
         self._last = np.where(rests, self._last, places)
         self._still = np.where(rests, self._still + 1, 0)
@@ -83,16 +72,16 @@ class TurnKeeper:
         except ServoError:
             return
         # One that has restarted, and was not set up again, counts from another zero.
-        for places in (self._places, self._pulses(self._measured.seen)):
+        for places in (self._places, self._pulses(self._port.readings.measured.seen)):
             rests &= np.abs(before - places) < _SURE * self._turn
-        self._keep(before, self._scale.zero[self._rows], rests)
+        self._keep(before, self._port.scale.zero[self._rows], rests)
 
     @property
     def _places(self) -> Array:
-        return self._pulses(self._measured.positions)
+        return self._pulses(self._port.readings.measured.positions)
 
     def _pulses(self, angles: Array) -> Array:
-        return self._scale.pulses(angles)[self._rows]
+        return self._port.scale.pulses(angles)[self._rows]
 
     def _read(self, bus: Bus) -> Array:
         return np.array(read_each(self._own, bus, "present_position"), dtype=np.float64)
