@@ -133,10 +133,11 @@ def _verdicts(spec: RunSpec, session: Session) -> str:
     from sim.robots.verdict import summed
 
     robot, first = session.robots[0].name, session.deck.motion
-    if first not in session.verdicts:
+    verdicts = session.played.verdicts
+    if first not in verdicts:
         command = f"motiondeck preflight {spec.library} --robot {session.spec.robot}"
         return f"which motions {robot} can play is not known yet; this finds out: {command}"
-    return f"{session.source} on {robot}: {summed(session.verdicts.values())}. {first}: {session.verdicts[first].words}"
+    return f"{session.played.name} on {robot}: {summed(verdicts.values())}. {first}: {verdicts[first].words}"
 
 
 def play_again(

@@ -31,6 +31,11 @@ from motiondeck_base.errors import MotiondeckError
 TARGET = "The pose that the servos are to reach, translucent"
 FORCES = "Of the floor on the body; an arrow half as long as the robot is its weight"
 NETWORK = "The orbits of its neurons, in the three directions that show most"
+ANSWER_WITHIN = 1.0  # s
+HAND_ON = 1.0  # a hand on a slider keeps it for so long before the deck's own value is shown again, s
+PANEL_WIDTH = 332  # pixels
+STEP = 1.0 / 30.0  # s, of a step; a tick alone is hardly to be seen
+DIGITS = ("1", "2", "3", "4", "5", "6", "7", "8", "9")  # keys for the first motions
 
 
 def view_choices(
@@ -60,15 +65,6 @@ def view_choices(
         return View(human, *(box is not None and bool(box.value) for box in boxes))
 
     return chosen
-
-
-ANSWER_WITHIN = 1.0
-HAND_ON = 1.0  # a hand on a slider keeps it for so long before the deck's own value is shown again, s
-
-PANEL_WIDTH = 332  # pixels
-STEP = 1.0 / 30.0  # s, of a step; a tick alone is hardly to be seen
-
-DIGITS = ("1", "2", "3", "4", "5", "6", "7", "8", "9")  # keys for the first motions
 
 
 class Panel:
@@ -170,7 +166,6 @@ class Panel:
     def show(self, now: DeckSnapshot) -> None:
         """Brings buttons, slider and figures up to date."""
         self._state = now
-        tempo = round(now.commanded_tempo, 2)
         self.show_line(state_line(now))
         self._notices.show()
         self.motion_controls.show(now)
@@ -181,6 +176,7 @@ class Panel:
         self._estop.label, self._estop.color = ("Reset", CURRENT) if stopped else ("Emergency stop", STOPS)
         for control, command in self._controls:
             control.disabled = now.mode not in command.modes
+        tempo = round(now.commanded_tempo, 2)
         if abs(tempo - self._tempo.value) > 0.024 and time.monotonic() - self._moved > HAND_ON:
             self._tempo.value = min(max(tempo, self._tempo.min), self._tempo.max)
         health = {name: value and round(value) for name, value in now.health._asdict().items()}
@@ -192,9 +188,9 @@ class Panel:
 
     def show_line(self, line: StateLine) -> None:
         """Shows a line over what the deck said last."""
-        now, layers = self._state, self._layers
-        tempo = round(now.commanded_tempo, 2)
-        self._line.content = self._operate.show(line, deck_buttons(now), deck_cues(now), tempo=tempo, layers=layers)
+        now = self._state
+        more = {"tempo": round(now.commanded_tempo, 2), "layers": self._layers}
+        self._line.content = self._operate.show(line, deck_buttons(now), deck_cues(now), **more)
 
     def show_event(self, event: Event) -> None:
         """Shows an event that nothing else on the page shows."""

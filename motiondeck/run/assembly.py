@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing, contextmanager
 from copy import deepcopy
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from controller.deck.deck import Deck
-from controller.deck.interfaces import Retargeter
 from controller.deck.layers import Layers
 from controller.deck.lockable import Lockable
 from controller.deck.recorded_deck import RecordedDeck
 from controller.library.motion_library import MotionLibrary
-from controller.loop.clock import Clock, Ticker
+from controller.loop.clock import Ticker
 from controller.loop.commands.command_handler import CommandHandler
 from controller.loop.commands.commanded_run import CommandedRun
 from controller.loop.commands.interfaces import PlayableDeck
@@ -26,58 +24,23 @@ from controller.loop.output_channel import Channel
 from controller.loop.permissions import handed_back, leave_core
 from controller.loop.safety.compiled_envelope import safety_envelope
 from controller.loop.stop_requests import StopRequest, stop_on_signals
-from controller.loop.stop_state import STOP_DOOR
-from controller.motion.clip import Clip
+from controller.loop.stop_state import STOP_DOOR, WiredStop
 from controller.motion.rotations import Array
 from controller.wire.command_socket import CommandServer
 from controller.wire.leader_link import LeaderLink
 from controller.wire.stop_door import StopDoor
-from motiondeck.run.beside.child_process import Children, PageProcess, child_process, kept_tty, page_process
+from motiondeck.run.beside.child_process import Children, child_process, kept_tty, page_process
 from motiondeck.run.report import RunNews
 from motiondeck.run.robots.robot_on_deck import RobotOnDeck, channels_of
-from motiondeck.run.session import Session, watch_wire
-from motiondeck.run.spec.program import Timed
+from motiondeck.run.session import ALONE, Host, Played, Session, watch_wire
 from motiondeck.run.spec.run_spec import RunSpec, is_emulated
 from motiondeck_base.shipped import find_rig
-from sim.robots.verdict import RobotVerdict
 
 if TYPE_CHECKING:  # a run imports what it has: page, show, recorder, recognition, rig, outputs
     from motiondeck.run.beside.tick_recorder import TickRecorder
+    from motiondeck.run.guard.guarded_rig import GuardedRig
     from motiondeck.run.recognition.watches import Watch
     from motiondeck.run.robots.rig_output import RigOutput
-
-
-@dataclass(frozen=True)
-class Host:
-    """The process that a run is in."""
-
-    page: PageProcess | None = None
-    terminal: bool = False
-    progress: bool = False
-    restarts: bool = False  # whether the run is started again when another library is asked for
-    clock: Clock | None = None
-
-
-ALONE = Host()
-
-
-@dataclass(frozen=True)
-class Played:
-    """What a run plays."""
-
-    source: MotionLibrary | Clip  # a session needs its name and its skeleton, recognition its motions
-    # Opens the robots, at least one; the stack that it gets closes them.
-    open_robots: Callable[[ExitStack], list[RobotOnDeck]]
-    make_deck: Callable[[Retargeter], PlayableDeck]  # makes the deck for the robots' retargeting
-    timeline: Sequence[Timed] = ()  # what is commanded when, in order
-    file: Path | None = None  # of the library that is asked for, if it is one
-    network_file: Path | None = None  # of the source: that, or what was baked of it
-    verdicts: Mapping[str, RobotVerdict] = field(default_factory=dict[str, RobotVerdict])  # by motion, those kept
-
-    @property
-    def name(self) -> str:
-        """The name of the source."""
-        return self.source.info.name if isinstance(self.source, MotionLibrary) else self.source.name
 
 
 @contextmanager
@@ -117,22 +80,10 @@ def _assemble(opening: ExitStack, stop: StopRequest, spec: RunSpec, played: Play
     deck = played.make_deck(together([robot.retarget for robot in robots]))
     joints = [name for robot in robots for name in robot.joints]
     servos = _servos(first)
-    rigs = filter(None, map(_servos, robots))
-    guarded = [output.guarded for output in rigs if output.guarded is not None]
+    guarded = [rig.guarded for rig in map(_servos, robots) if rig is not None and rig.guarded is not None]
     for rig in guarded:
         rig.stop = stop.state
-    wired, stops = None, list[Callable[[StopRequest], None]]()
-    if guarded:
-        guarded[0].watch_stops(port, str(spec.stop_input) if spec.stop_input is not None else None)
-        wired = guarded[0].wire
-        stops.append(lambda stop: stop.state.count(STOP_DOOR, guarded[0].door_presses))
-    else:
-        door = opening.enter_context(closing(StopDoor(port)))
-        stops.append(lambda stop: stop.state.count(STOP_DOOR, stop.state.presses.get(STOP_DOOR, 0) + door.poll()))
-        if spec.stop_input is not None:
-            from hardware.tools.stop_input import open_stop_input
-
-            wired = opening.enter_context(closing(open_stop_input(Path(spec.stop_input))))
+    count_presses, wired = _stop_sources(opening, spec, port, guarded[0] if guarded else None)
     channels = channels_of(robots)
     if spec.outputs:
         from motiondeck.run.plugin_outputs import open_outputs
@@ -159,18 +110,7 @@ def _assemble(opening: ExitStack, stop: StopRequest, spec: RunSpec, played: Play
         if spec.lock_to is not None:
             deck.lock("beat" if spec.lock_to == "beat" else "body" if spec.lock_to == "body" else "deck")
     if isinstance(deck, Deck) and isinstance(played.source, MotionLibrary):
-        groups = {
-            r.prefix + name: [r.prefix + one for one in group] for r in robots for name, group in r.groups.items()
-        }
-        deck.layers = Layers(
-            played.source,
-            joints,
-            all_limits([robot.limits for robot in robots]),
-            groups,
-            lambda: together([robot.simulation.robot.twin() for robot in robots]),
-            {joint: why for robot in robots for joint, why in robot.without_layers.items()},
-            {robot.prefix + joint: gains for robot in robots for joint, gains in robot.gaze.items()},
-        )
+        deck.layers = _layers(played.source, robots)
     correction = None
     if servos is not None and len(robots) == 1 and isinstance(deck, Deck) and isinstance(played.source, MotionLibrary):
         from motiondeck.run.robots.learned_follow import open_correction
@@ -194,14 +134,11 @@ def _assemble(opening: ExitStack, stop: StopRequest, spec: RunSpec, played: Play
     if recorder is not None:
         children.add("the recorder", recorder.process)
     run = CommandedRun(deck, servos, body, host.restarts, ticker, snapshots=snapshots)
-    noted = (recorder.note, recorder.tell) if recorder is not None else (None, None)
-    handler = CommandHandler(run, servers, noted[0], tell=noted[1])
-    seen = (lambda: watch.seen) if watch is not None else None
-    if wired is not None:
-        stops.append(watch_wire(wired, handler))
+    handler = CommandHandler(run, servers, recorder and recorder.note, tell=recorder and recorder.tell)
     session = Session(
         spec=spec,
-        source=played.name,
+        played=played,
+        host=host,
         stop=stop,
         robots=robots,
         deck=deck,
@@ -210,22 +147,17 @@ def _assemble(opening: ExitStack, stop: StopRequest, spec: RunSpec, played: Play
         envelope=safety_envelope(all_limits([robot.limits for robot in robots]), clock.period),
         snapshots=snapshots,
         handler=handler,
-        news=RunNews(handler, clock, channels, servers, seen),
+        news=RunNews(handler, clock, channels, servers, watch),
         measured=measured,
         children=children,
         command_port=port,
         page_port=page.port if page is not None else None,
-        stops=stops,
-        guarded=bool(guarded),
+        stops=[count_presses, watch_wire(wired, handler)] if wired is not None else [count_presses],
         page=shown,
         recorder=recorder,
         watch=watch,
         lead=lead,
         correction=correction,
-        timeline=list(played.timeline),
-        verdicts=played.verdicts,
-        progress=host.progress,
-        prompt=host.terminal,
     )
     if host.terminal:
         children.restore_tty = opening.enter_context(kept_tty())
@@ -245,6 +177,34 @@ def _servers(opening: ExitStack, spec: RunSpec) -> list[CommandServer]:
         servers.append(opening.enter_context(closing(server)))
         port = server.port
     return [*servers, opening.enter_context(closing(CommandServer(port)))]
+
+
+def _stop_sources(
+    opening: ExitStack, spec: RunSpec, port: int, guard: GuardedRig | None
+) -> tuple[Callable[[StopRequest], None], WiredStop | None]:
+    """What counts the presses at the stop door, and the wired stop if there is one; a guard has them both itself."""
+    if guard is not None:
+        guard.watch_stops(port, str(spec.stop_input) if spec.stop_input is not None else None)
+        return lambda stop: stop.state.count(STOP_DOOR, guard.door_presses), guard.wire
+    door, wired = opening.enter_context(closing(StopDoor(port))), None
+    if spec.stop_input is not None:
+        from hardware.tools.stop_input import open_stop_input
+
+        wired = opening.enter_context(closing(open_stop_input(Path(spec.stop_input))))
+    return lambda stop: stop.state.count(STOP_DOOR, stop.state.presses.get(STOP_DOOR, 0) + door.poll()), wired
+
+
+def _layers(library: MotionLibrary, robots: list[RobotOnDeck]) -> Layers:
+    """The layers over what robots play of a library, by the names of all their joints."""
+    return Layers(
+        library,
+        [joint for robot in robots for joint in robot.joints],
+        all_limits([robot.limits for robot in robots]),
+        {r.prefix + name: [r.prefix + one for one in group] for r in robots for name, group in r.groups.items()},
+        lambda: together([robot.simulation.robot.twin() for robot in robots]),
+        {joint: why for robot in robots for joint, why in robot.without_layers.items()},
+        {robot.prefix + joint: gains for robot in robots for joint, gains in robot.gaze.items()},
+    )
 
 
 def _servos(robot: RobotOnDeck) -> RigOutput | None:

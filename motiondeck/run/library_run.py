@@ -1,8 +1,7 @@
 """The run of a library or a taught clip on a robot or a rig, as `motiondeck play` and `motiondeck.play` start it."""
 
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager
 from dataclasses import replace
 from functools import partial
 
@@ -21,8 +20,7 @@ from motiondeck.run.verdicts import Judged
 from sim.robots.verdict import RobotVerdict
 
 
-@contextmanager
-def library_run(spec: RunSpec, program: Program, host: Host = ALONE) -> Iterator[Session]:
+def library_run(spec: RunSpec, program: Program, host: Host = ALONE) -> AbstractContextManager[Session]:
     """An open run of a program in the block; MotiondeckError if it is too fast for the network, or cannot be opened."""
     source, first, rate, spec = program.source, program.first, spec.rate, with_robot(spec, program.source.skeleton)
     files = robot_files(spec) if program.file is not None and spec.robot is not None else None
@@ -51,5 +49,4 @@ def library_run(spec: RunSpec, program: Program, host: Host = ALONE) -> Iterator
         verdicts = judged.kept() or (replace(judged, rig=None).kept() if judged.rig is not None else {})
     robots = partial(open_robots, spec=spec, source=source, first=learned_from)
     run = Played(source, robots, deck, program.timeline, program.file, played, verdicts)
-    with open_session(spec, run, host) as session:
-        yield session
+    return open_session(spec, run, host)

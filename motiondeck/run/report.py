@@ -4,7 +4,7 @@ import shutil
 import sys
 import threading
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from typing import Any, TextIO
 
@@ -15,6 +15,7 @@ from controller.deck.switch import CommandedSwitch
 from controller.loop.clock import Clock
 from controller.loop.commands.command_handler import CommandHandler
 from controller.loop.commands.interfaces import PlayableDeck
+from controller.loop.commands.snapshots import RecognitionState
 from controller.loop.loop import LoopReport
 from controller.loop.output_channel import Channel
 from controller.loop.permissions import Permission
@@ -98,9 +99,10 @@ class RunNews:
         clock: Clock,
         channels: Sequence[Channel],
         servers: Sequence[CommandServer],
-        seen: Callable[[], tuple[str, float] | None] | None = None,
+        recognition: RecognitionState | None = None,
     ) -> None:
-        self._handler, self._clock, self._channels, self._servers, self._seen = handler, clock, channels, servers, seen
+        self._handler, self._clock, self._channels, self._servers = handler, clock, channels, servers
+        self._recognition = recognition
         self._overruns = self._replayed = 0
         self._faults = [0] * len(channels)
         self._incidents: list[Counter[str]] = [Counter() for _ in channels]
@@ -125,7 +127,7 @@ class RunNews:
             text = f"{new} recorded datagrams that were sent again were refused"
             self._handler.notify("replayed", text)
             print(f"motiondeck: {text}", file=sys.stderr)
-        seen = self._seen() if self._seen is not None else None
+        seen = self._recognition.seen if self._recognition is not None else None
         if seen is not None and seen[0] != self._motion:
             self._motion = seen[0]
             self._handler.notify("recognized", f"it looks like {seen[0]} (confidence {seen[1]:.2f})", seen[0])

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import sys
+from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from controller.deck.interfaces import Retargeter
 from controller.deck.recorded_deck import RecordedDeck
+from controller.library.motion_library import MotionLibrary
 from controller.loop import permissions
 from controller.loop.clock import Clock
 from controller.loop.commands.command_handler import CommandHandler
@@ -24,9 +28,10 @@ from controller.loop.safety.compiled_envelope import unfit
 from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.loop.stop_requests import StopRequest
 from controller.loop.stop_state import WiredStop
+from controller.motion.clip import Clip
 from controller.motion.rotations import Array
 from controller.wire.messages.replies import Refused
-from motiondeck.run.beside.child_process import Children
+from motiondeck.run.beside.child_process import Children, PageProcess
 from motiondeck.run.report import RunNews, progress_line, run_report
 from motiondeck.run.robots.robot_on_deck import RobotOnDeck
 from motiondeck.run.spec.program import Timed
@@ -58,12 +63,46 @@ def watch_wire(wired: WiredStop, handler: CommandHandler) -> Callable[[StopReque
     return poll
 
 
+@dataclass(frozen=True)
+class Host:
+    """The process that a run is in."""
+
+    page: PageProcess | None = None
+    terminal: bool = False
+    progress: bool = False
+    restarts: bool = False  # whether the run is started again when another library is asked for
+    clock: Clock | None = None
+
+
+ALONE = Host()
+
+
+@dataclass(frozen=True)
+class Played:
+    """What a run plays."""
+
+    source: MotionLibrary | Clip  # a session needs its name and its skeleton, recognition its motions
+    # Opens the robots, at least one; the stack that it gets closes them.
+    open_robots: Callable[[ExitStack], list[RobotOnDeck]]
+    make_deck: Callable[[Retargeter], PlayableDeck]  # makes the deck for the robots' retargeting
+    timeline: Sequence[Timed] = ()  # what is commanded when, in order
+    file: Path | None = None  # of the library that is asked for, if it is one
+    network_file: Path | None = None  # of the source: that, or what was baked of it
+    verdicts: Mapping[str, RobotVerdict] = field(default_factory=dict[str, RobotVerdict])  # by motion, those kept
+
+    @property
+    def name(self) -> str:
+        """The name of the source."""
+        return self.source.info.name if isinstance(self.source, MotionLibrary) else self.source.name
+
+
 @dataclass
 class Session:
     """The open parts of a run; `assembly.open_session` makes it."""
 
     spec: RunSpec
-    source: str  # the name of what is played
+    played: Played
+    host: Host
     stop: StopRequest
     robots: list[RobotOnDeck]
     deck: PlayableDeck
@@ -80,18 +119,14 @@ class Session:
     page_port: int | None = None  # where the page is; None for no page
     # What passes on the presses of each source of the emergency stop; with a rig its guard counts them.
     stops: Sequence[Callable[[StopRequest], None]] = ()
-    guarded: bool = False  # whether a rig is behind a guard
     page: Page | None = None  # None, as of the next ones, where the run has none
     recorder: TickRecorder | None = None
     watch: Watch | None = None
     lead: Lead | None = None
     correction: Correction | None = None
-    verdicts: Mapping[str, RobotVerdict] = field(default_factory=dict[str, RobotVerdict])  # by motion, those kept
-    timeline: list[Timed] = field(default_factory=list)  # what is still to be commanded, in order
-    progress: bool = False  # whether a terminal shows how the run goes
-    prompt: bool = False  # whether the terminal has a prompt
 
     def __post_init__(self) -> None:
+        self._timeline = deque(self.played.timeline)  # what is still to be commanded
         self._first = self.robots[0]
         self._ticks_a_picture = max(1, round(self.spec.rate / PICTURE_HZ))
         self._refused: list[dict[str, object]] = []
@@ -103,8 +138,8 @@ class Session:
         rests = [robot.rest for robot in self.robots if robot.rest is not None]
         with permissions.handed_back(), ExitStack() as shown:
             self._request_permissions()
-            if self.progress:
-                shown.enter_context(progress_line(self.deck, self.stop, spec.seconds, prompt=self.prompt))
+            if self.host.progress:
+                shown.enter_context(progress_line(self.deck, self.stop, spec.seconds, prompt=self.host.terminal))
             report = run(
                 self.deck,
                 self.channels,
@@ -131,8 +166,9 @@ class Session:
         full = run_report(report, names, self.deck.switches, self._permissions)
         full |= {"refused": self._refused, "restarts": self.deck.restarts}
         played = dict.fromkeys(name for switch in full["switches"] for name in (*switch["via"], switch["to"]))
-        full["verdicts"] = [self.verdicts[name].row() for name in {first: None, **played} if name in self.verdicts]
-        full |= {"library": self.source, "robot": self._first.name} | recorded
+        verdicts = self.played.verdicts
+        full["verdicts"] = [verdicts[name].row() for name in {first: None, **played} if name in verdicts]
+        full |= {"library": self.played.name, "robot": self._first.name} | recorded
         guards = {robot.prefix: robot.guard for robot in self.robots if robot.guard is not None}
         counts = {prefix + pair: count for prefix, guard in guards.items() for pair, count in guard.kept_apart.items()}
         full |= {"kept_apart": counts} if guards else {}
@@ -143,14 +179,14 @@ class Session:
             self._permissions.append(permissions.request_core(self.spec.core))
         if self.spec.realtime or self.spec.drives_servos:
             # The guard of a rig goes before the deck.
-            priority = permissions.FIFO_PRIORITY - self.guarded
+            priority = permissions.FIFO_PRIORITY - any(robot.rig is not None for robot in self.robots)
             self._permissions += [*permissions.request_realtime(priority), permissions.request_one_blas_thread()]
         for line in (*permissions.permission_lines(self._permissions), *unfit()):
             print(line, file=sys.stderr)
 
     def _carry_out_commands(self, stop: StopRequest) -> None:
-        while self.timeline and self.timeline[0].at <= self.deck.time:
-            timed = self.timeline.pop(0)
+        while self._timeline and self._timeline[0].at <= self.deck.time:
+            timed = self._timeline.popleft()
             reply = self.handler.carry_out(timed.message, stop)
             if isinstance(reply, Refused):
                 self._refused.append({"at": timed.at, "reason": reply.reason})

@@ -12,7 +12,6 @@ import signal
 import socket
 import sys
 import time
-from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -34,7 +33,7 @@ from hardware.rig.supervision.rig import Rig
 from hardware.rig.switching.identities import PortScan
 from motiondeck.run.guard import messages
 from motiondeck.run.guard.guard import RigGuard
-from motiondeck.run.guard.messages import Begin, GuardLink, Note, Request, States, Targets
+from motiondeck.run.guard.messages import Begin, GuardLink, Request, States, Targets
 from motiondeck_base.errors import MotiondeckError, in_words
 
 _REST_WITHIN = 5.0  # s
@@ -56,8 +55,7 @@ class GuardService:
         self.guard = RigGuard(rig, envelope, self._targets, period, time.monotonic())
         if isinstance(rig, BoardRig):
             rig.is_stopped = lambda: self.guard.stop.stopped
-        self._readings: list[tuple[int, RegisterReading]] = []
-        self._scans: list[tuple[int, PortScan]] = []
+        self._asked: dict[int, RegisterReading | PortScan] = {}  # what servos have not answered yet, by its number
         self._incidents: Incident | None = None
         self._reported_failure = ""
         self.closing = self.stopped = False  # whether the deck, or a signal, has asked for the end
@@ -73,7 +71,7 @@ class GuardService:
                 guard.press(self._door.poll())
             sets, requests = (0, []) if link.lost else link.receive()
             for request in requests:
-                self._answer(request)
+                self._carry_out(request)
             now = time.monotonic()
             if sets:
                 guard.receive(now)
@@ -87,7 +85,7 @@ class GuardService:
                     guard.lose_deck()
                 until = now + _REST_WITHIN
 
-    def _answer(self, request: Request) -> None:
+    def _carry_out(self, request: Request) -> None:
         """Does what a deck asks beside its targets; none waits: answers of servos are sent when they have come."""
         link, rig = self._link, self._rig
         match request:
@@ -101,10 +99,7 @@ class GuardService:
                 getattr(rig, method)(joint)
             case messages.QueryServos(number=number, joint=joint, write=write):
                 try:
-                    if joint is None:
-                        self._scans.append((number, rig.scan()))
-                    else:
-                        self._readings.append((number, rig.registers(joint, write)))
+                    self._asked[number] = rig.scan() if joint is None else rig.registers(joint, write)
                 except MotiondeckError as error:
                     link.send(messages.ServoAnswer(number, Refused(str(error))))
             case Begin():
@@ -129,8 +124,10 @@ class GuardService:
         for row, values in zip(states.servos, self._rig.states, strict=True):
             row[:] = values
         link.send_numbers(states.values)
-        for note in self._answers():
-            link.send(note)
+        for number, asked in [*self._asked.items()]:
+            if (reply := self._answer_to(asked)) is not None:
+                del self._asked[number]
+                link.send(messages.ServoAnswer(number, reply))
         incidents = self._rig.incidents
         if incidents and incidents[-1] is not self._incidents:
             new = [*itertools.takewhile(lambda one: one is not self._incidents, reversed(incidents))]
@@ -141,16 +138,13 @@ class GuardService:
             self._reported_failure = guard.failure
             link.send(messages.RigFailed(guard.failure))
 
-    def _answers(self) -> Iterator[Note]:
-        for waiting in [one for one in self._readings if one[1].done]:
-            self._readings.remove(waiting)
-            number, reading = waiting
-            yield messages.ServoAnswer(number, _registers(self._rig.config.joints[reading.joint], reading))
-        for number, scan in self._scans:
-            if scan.found is not None:
-                servos = [ServoOnPort(joint, one.id, one.model, one.firmware) for joint, one in scan.found]
-                yield messages.ServoAnswer(number, OnPorts(servos, scan.missing))
-        self._scans = [one for one in self._scans if one[1].found is None]
+    def _answer_to(self, asked: RegisterReading | PortScan) -> Registers | OnPorts | Refused | None:
+        """What servos have answered; None while they have not."""
+        if isinstance(asked, RegisterReading):
+            return _registers(self._rig.config.joints[asked.joint], asked) if asked.done else None
+        if asked.found is None:
+            return None
+        return OnPorts([ServoOnPort(name, one.id, one.model, one.firmware) for name, one in asked.found], asked.missing)
 
 
 def _registers(joint: RigJoint, reading: RegisterReading) -> Registers | Refused:
