@@ -674,7 +674,7 @@ static int problem_of(md_player *p) {
   }
   for (md_joint *j = p->joint; j < p->joint + p->joints; j++) {
     md_real place = way_of(j->angle[NOW]);
-    moved = most(moved, fabsf(place - way_of(j->angle[LAST])));
+    moved = most(moved, fabsf(place - j->place)), j->place = place;
     if (p->watched <= 0.0f) j->low = j->high = place;
     j->low = least(j->low, place), j->high = most(j->high, place);
     way = most(way, j->high - j->low);
@@ -752,11 +752,12 @@ static void drop_weightless(md_player *p) {
   for (int k = 0; k < kept; k++) p->track[k].weight_from = p->track[k].weight_to = p->track[k].weight;
 }
 
-/* Gives the blend up for the motion that has most weight in it, and fades to that where it is. */
+/* Gives the blend up for the motion that the next one goes on with, or has most weight, and fades to that where it is. */
 static void give_up_blend(md_player *p) {
   int nearest = 0;
   for (int k = 1; k <= p->blended; k++)
     if (p->track[k].weight > p->track[nearest].weight) nearest = k;
+  if (p->entering != NONE && p->adding) nearest = place_of(p, p->entering == p->with ? p->going_to : p->with);
   md_bounds bounds = wider(p->track->motion->bounds, p->track[nearest].motion->bounds);
   limit_join(p, bounds);
   move_track(p, nearest, 0);
@@ -1201,7 +1202,7 @@ static md_ticks ticks_needed(const md_player *p) {
   md_ticks ticks = 0;
   for (int j = 0; j < p->joints; j++) {
     const EnvelopeLimits *l = limits_of(p->figure) + j;
-    md_real way = fabsf(p->joint[j].to - p->joint[j].from);
+    md_real way = most(fabsf(p->joint[j].to - p->joint[j].from) - CHANGED, 0.0f);
     for (md_ticks more = too_soon(way, l, ticks) ? MOST_TICKS : 0; more >= FINEST; more /= 2)
       if (too_soon(way, l, ticks + more - FINEST)) ticks += more;
   }

@@ -130,12 +130,12 @@ typedef struct {
 } md_bone;
 
 /* A joint as it is shown: its angles two ticks ago, at the last one, and in this one; the difference that a fade has to run
-   out, and that of the gap to a shorter fade; what a motion that is entered is compared with; where the
-   joint has been in half a second, m; the way of the approach. */
+   out, and that of the gap to a shorter fade; what a motion that is entered is compared with; where a blend has the
+   joint, and has had it in half a second, m; the way of the approach. */
 typedef struct {
   md_real angle[3];
   md_difference whole, gap;
-  md_real entered_from, entered_reach, low, high, from, to;
+  md_real entered_from, entered_reach, place, low, high, from, to;
   md_bone bone;
 } md_joint;
 

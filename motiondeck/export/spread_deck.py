@@ -5,7 +5,7 @@ A microcontroller has no time for that. So here, and in `player.c`, SEARCHED pla
 COARSE of all, with the body as it was when the switch was due, then those about the best of them. Meanwhile what was
 played goes on; then the motion is entered as much further on, or blended in. After that, (SEARCHED + 2) / 2 moments
 of the trials of the fade are weighed in a tick. Of a motion that is held as a network it is fewer: `searched`. A blend
-that is given up goes over to its motion where that is. All else is the deck's.
+that is given up goes over to its motion, or that of the next blend, where that is. All else is the deck's.
 """
 
 from collections.abc import Mapping
@@ -57,7 +57,7 @@ class _Performance(Performance):
             self._search.searched = 0 if self.entering else (self._searched(self.motion.name) + 2) // 2
         completed = super().step(dt, tempo)
         if self.blend_problem and self.entering is not None:
-            self._fall_back(max(weights := self.tracks.weights, key=weights.__getitem__))
+            self._fall_back(max(w := self.tracks.weights, key=lambda name: (name in (self._blending or ()), w[name])))
         return completed and self.entering is None
 
     def switch_to(self, motion: str, phase: float | None = None) -> None:

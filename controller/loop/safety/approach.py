@@ -22,12 +22,12 @@ class Approach:
 
     start: Array  # joint positions, shape (J,), rad
     goal: Array  # joint positions, shape (J,), rad
-    duration: float  # s; zero where start and goal are the same
+    duration: float  # s; zero where start and goal are the same but for rounding
 
     @classmethod
     def within(cls, limits: JointLimits, start: Array, goal: Array, slowness: float = 4.0) -> Approach:
         """The approach that takes `slowness` times as long as the limits of velocity, acceleration and jerk demand."""
-        distance = np.abs(goal - start)
+        distance = np.maximum(np.abs(goal - start) - 1e-6, 0.0)  # what rounding leaves is no way
         least = [_VELOCITY * distance / limits.velocity, np.sqrt(_ACCELERATION * distance / limits.acceleration)]
         shortest = np.max([*least, np.cbrt(_JERK * distance / limits.jerk)], initial=0.0)
         return cls(start.copy(), goal.copy(), slowness * float(shortest))

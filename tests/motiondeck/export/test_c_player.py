@@ -208,6 +208,18 @@ def test_a_layer_begins_as_soon_as_the_one_below_stands_still(fixed):
 
 
 @EITHER
+def test_a_stop_where_a_motion_rests_is_over_in_the_tick_of_the_deck(fixed):
+    """What rounding left of the way back to where joints were took as long as a way."""
+    library = joint_library(JOINTS, 1, loops=1, shots=1, lengths=(120, 60))
+    library.network._of["shot1"][:] = np.linspace(1.0, 0.0, 60)[:, None] ** 3 + 0.0873 * np.eye(JOINTS)[0]
+    one = figure_of(library, [f"joint{k}" for k in range(JOINTS)], LIMITS, 0.0 * ONES, 100.0)
+    for tempo in (0.77, 1.3, 2.1):
+        script = [(10, commands.SetTempo(factor=tempo)), (20, commands.Switch(to="shot1"))]
+        script += [(300, commands.EmergencyStop()), (340, commands.Reset(code=0.0)), (350, commands.Switch(to="loop0"))]
+        assert same(one, script, 450, fixed)
+
+
+@EITHER
 def test_numbers_at_the_ends_of_their_range_are_taken(fixed):
     ends = [
         *(commands.Blend(first="loop1", second="loop2", weight=weight) for weight in (-0.3, 1.3)),
@@ -251,26 +263,46 @@ def test_numbers_out_of_their_range_are_refused_and_change_nothing():
     assert np.array_equal(ours.safe, player().trace(wide(figure()), [], 120).safe)
 
 
-def test_a_blend_that_is_given_up_goes_on_as_in_the_deck(tmp_path, monkeypatch):
-    """No motion of the tests stands still in a blend, so here one that moves less than three times as far does."""
+@pytest.fixture
+def impatient(tmp_path, monkeypatch):
+    """A player, with a deck beside it, that gives up each blend, if it moves less than three times as far."""
     for source in PLAYER:
-        (tmp_path / source.name).write_text(source.read_text().replace("#define STILL 0.1f", "#define STILL 3.0f"))
+        text = source.read_text().replace("#define STILL 0.1f", "#define STILL 3.0f")
+        (tmp_path / source.name).write_text(text.replace("#define TURNS_OVER 2.5f", "#define TURNS_OVER 0.8f"))
     (tmp_path / "built").mkdir()
-    one, patient = wide(figure(1)), player()
+    player()  # of the sources as they are
     monkeypatch.setattr(c_player, "PLAYER", [tmp_path / source.name for source in PLAYER])
     monkeypatch.setattr(playing_tracks, "STILL", 3.0)
-    strict, pairs, rng = (
-        CPlayer(tmp_path / "built"),
-        [("loop0", "loop1"), ("loop1", "loop2"), ("loop2", "loop1")],
-        Random(0),
-    )
+    monkeypatch.setattr(playing_tracks, "TURNS_OVER", 0.8)
+    return CPlayer(tmp_path / "built")
+
+
+def test_a_blend_that_is_given_up_goes_on_as_in_the_deck(impatient):
+    """No motion of the tests stands still in a blend."""
+    pairs, rng = [("loop0", "loop1"), ("loop1", "loop2"), ("loop2", "loop1")], Random(0)
     ticks = np.cumsum([rng.randrange(20, 110) for _ in range(40)]).tolist()
     given = [(tick, pairs[min(n, rng.randrange(1, 3))], rng.choice([0.3, 0.45, 0.8])) for n, tick in enumerate(ticks)]
     script = [(at, commands.Blend(first=one, second=other, weight=share)) for at, (one, other), share in given]
-    ours, deck = (plays(one, script, 2600, 0.0 * ONES) for plays in (strict.trace, deck_plays))
+    one = wide(figure(1))
+    ours, deck = (plays(one, script, 2600, 0.0 * ONES) for plays in (impatient.trace, deck_plays))
     assert ours.accepted == deck.accepted
     assert np.abs(ours.safe - deck.safe).max() < 1e-3
-    assert np.abs(deck.safe - patient.trace(one, script, 2600, 0.0 * ONES).safe).max() > 0.05
+    assert np.abs(deck.safe - player().trace(one, script, 2600, 0.0 * ONES).safe).max() > 0.05
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_blend_that_is_given_up_while_the_next_one_is_sought_goes_on_in_that(seed, impatient):
+    """Of four loops: what the next blend had no part in took over, and weights of that did not sum to 1."""
+    library, rng, script = joint_library(JOINTS, seed, loops=4, shots=0, lengths=[480] * 4), Random(seed), []
+    for begin in range(20, 1600, 400):
+        first, common, other = rng.sample(library.network.motions, 3)
+        script += [(begin, commands.Switch(to=first, direct=True))]
+        script += [(begin + 200, commands.Blend(first=first, second=common, weight=round(rng.uniform(-0.3, 0.4), 2)))]
+        script += [(begin + rng.randrange(252, 262), commands.Blend(first=common, second=other, weight=1.2))]
+    one = wide(figure_of(library, [f"joint{k}" for k in range(JOINTS)], LIMITS, 0.0 * ONES, 100.0))
+    ours, deck = (plays(one, script, 1700, 0.0 * ONES) for plays in (impatient.trace, deck_plays))
+    assert ours.accepted == deck.accepted
+    assert np.abs(ours.safe - deck.safe).max() < 1e-3
 
 
 def test_a_blend_is_the_mean_of_its_motions_in_step():

@@ -39,6 +39,7 @@ def test_unhurried_it_reaches_the_tightest_limit_of_its_slowest_joint(tight):
 
 
 def test_where_nothing_is_to_be_done_it_takes_no_time():
-    approach = Approach.within(LIMITS, np.ones(2), np.ones(2))
-    assert approach.duration == 0.0
-    assert approach.at(0.0).tolist() == [1.0, 1.0]
+    for near in (1.0, 1.0 + 1e-15):
+        approach = Approach.within(LIMITS, np.ones(2), np.array([1.0, near]))
+        assert approach.duration == 0.0
+        assert approach.at(0.0).tolist() == [1.0, near]
