@@ -48,7 +48,7 @@ from threadpoolctl import threadpool_limits
 
 from benchmarks import command
 from benchmarks.reservoirs.measured_joints import WALKS
-from controller.deck.person_body import PersonBody, body_rows, share
+from controller.deck.person_body import PersonBody, body_rows
 from controller.deck.person_follower import ARM
 from controller.deck.phase_filter import MOVED, PAST, PLACE, RATE, UP, PhaseFilter
 from controller.learning.completion import complete_body, complete_joints
@@ -102,13 +102,13 @@ class Stream:
 
 @dataclass(frozen=True)
 class Told:
-    """What a way says of a stream: joints (T, 20, 3), motions (T,), perhaps recordings, frames and misfits (T,)."""
+    """What a way says of a stream: joints (T, 20, 3), motions (T,), perhaps recordings, frames and shares (T,)."""
 
     joints: Array
     motion: Array
     recording: Array | None = None
     frame: Array | None = None
-    misfit: Array | None = None
+    share: Array | None = None
 
 
 def read(data: Path, *, walks: bool) -> tuple[list[str], list[Recorded]]:
@@ -258,13 +258,13 @@ def by_filter(known: Sequence[Recorded], points: Sequence[int], stream: Stream, 
     of, steps = np.array([one.motion for one in known]), len(stream.joints)
     mean, single = np.zeros((2, steps, *stream.joints[0].shape))
     motion, recording, frame = np.zeros((3, steps), dtype=int)
-    misfit = np.empty(steps)
+    shares = np.empty(steps)
     offset, shown = np.zeros(stream.joints[0].shape), -1
     last = stream.measured[np.isfinite(stream.measured).all((1, 2))][0]
     for step, measured in enumerate(stream.measured):
         clips.step(measured)
         last = np.where(np.isfinite(measured), measured, last)
-        evidence, misfit[step] = clips.evidence, clips.misfit
+        evidence, shares[step] = clips.evidence, clips.share
         motion[step] = np.bincount(of, evidence, minlength=motions).argmax()
         best = np.argsort(np.where(of == motion[step], evidence, 0.0))[::-1][:NEAREST]
         poses = []
@@ -281,7 +281,7 @@ def by_filter(known: Sequence[Recorded], points: Sequence[int], stream: Stream, 
         changed = best[0] != shown or (step > 0 and abs(int(frame[step] - frame[step - 1])) > 4)
         offset = single[step - 1] - poses[0] if changed and step else offset * np.exp(-1.0 / RATE / 0.2)
         shown, single[step] = best[0], poses[0] + offset
-    return {"filter": Told(mean, motion, recording, frame, misfit), "clips": Told(single, motion, recording, frame)}
+    return {"filter": Told(mean, motion, recording, frame, shares), "clips": Told(single, motion, recording, frame)}
 
 
 def angles_of(recordings: Sequence[Recorded]) -> tuple[tuple[str, ...], list[Array]]:
@@ -421,8 +421,8 @@ def by_person(
         if (rows := person.step(measured)) is not None:
             ends = body.chain @ (normalise(rows[2:]) * body.length[:, None])
             joints[step] = rows[1] + np.concatenate([np.zeros((1, 3)), ends])
-    assert filtered.misfit is not None
-    weight = np.array([share(len(labels), one) for one in filtered.misfit])[:, None, None]
+    assert filtered.share is not None
+    weight = filtered.share[:, None, None]
     mean = weight * joints + (1.0 - weight) * filtered.joints
     return {"completion": Told(joints, filtered.motion), "filter and completion": Told(mean, filtered.motion)}
 

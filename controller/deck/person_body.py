@@ -1,8 +1,7 @@
 """A person's whole body from a few of its points: a reservoir that they drive, taught by the motions of a library.
 
 It is driven by the points as seen from the ground below their middle, x along their smoothed line from right to left.
-In that frame it tells where the body faces, the place of its root, m, and the directions of all bones. They count the
-more beside the body of the motion, the more points there are and the less these fit the motion.
+In that frame it tells where the body faces, the place of its root, m, and the directions of all bones.
 """
 
 from collections.abc import Callable, Sequence
@@ -18,7 +17,6 @@ from controller.networks.reservoirs.completion import Completion, LiveCompletion
 SMOOTHED = 0.2  # s, time constant of the line
 TEMPOS, NOISE, LOST = (0.5, 1.0, 2.0), 0.02, 0.25  # of what it is taught; m, and the share of frames
 HELD = 0.5  # s for which a point that is not seen counts as where it was
-FITS = 0.35  # m; both bodies count alike where K points are this / K off the motion
 
 Learn = Callable[[Sequence[tuple[Array, Array]], float], Completion]
 
@@ -26,11 +24,6 @@ Learn = Callable[[Sequence[tuple[Array, Array]], float], Completion]
 def paired(points: Sequence[str]) -> list[tuple[int, int]]:
     """Which of these points are right and left of each other."""
     return [(points.index("r" + x[1:]), k) for k, x in enumerate(points) if x[0] == "l" and "r" + x[1:] in points]
-
-
-def share(count: int, misfit: float) -> float:
-    """The share of a body by a number of points, beside a motion that these miss by a mean square, m^2."""
-    return misfit / (misfit + (FITS / count) ** 2)
 
 
 def body_rows(skeleton: Skeleton, joints: Array, heading: Array) -> Array:

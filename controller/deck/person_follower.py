@@ -10,7 +10,7 @@ import numpy as np
 
 from controller.deck.joins.deck_motions import Motion, read_motions
 from controller.deck.motion_generator import MotionGenerator
-from controller.deck.person_body import Learn, PersonBody, body_rows, paired, share
+from controller.deck.person_body import Learn, PersonBody, body_rows, paired
 from controller.deck.phase_filter import RATE, PhaseFilter
 from controller.library.motion_library import MotionLibrary
 from controller.motion.clip import FARTHEST
@@ -73,7 +73,7 @@ class PersonFollower:
             if (rows := self._body.step(measured * self._scale)) is not None:
                 rows[1, :2] = 0.0
                 own = rotate(yaw(-np.arctan2(rows[0, 1], rows[0, 0])), rows[1:])
-                self.body = share(len(self._points), self._filter.misfit), *own.round(3).ravel().tolist()
+                self.body = self._filter.share, *own.round(3).ravel().tolist()
         best = self._filter.place()
         self._other = self._other + 1 if best.motion != self._shown and best.evidence >= SURE else 0
         if self._other >= FOR_STEPS:

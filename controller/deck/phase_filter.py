@@ -37,6 +37,7 @@ PLACE, MOVED, UP = 0.1, 0.04, 2.0  # m; how much heights count
 NEW, CHANGE = 0.01, 0.15  # a step
 ABOUT, KEPT_FROM = 8, 0.02  # frames about the likeliest one that belong to it; its share of the likelihood
 OWN, MOST_OWN = 2.0, 0.15  # s, and m at most
+FITS, STANDS = 0.33, 1.5  # of `share`, by the number K of points: m; of the probability of standing
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,12 +80,12 @@ class PhaseFilter:
         self._moved = _Expected(turn * _plane(moved), moved[..., 2])
         self._offset = np.zeros(self._count, dtype=complex)  # of the person's own points, and of their heights
         self._offset_up = np.zeros(self._count)
-        self.misfit = PLACE**2  # m^2, of the points from those of the likeliest state; a running mean over the time OWN
+        self._misfit = PLACE**2  # m^2, of points from those of the likeliest state; a running mean over the time OWN
         size = len(TEMPOS)
         self._keep = np.eye(size) * (1.0 - CHANGE) + CHANGE / size
         self._belief: Array = np.full((size, frames), 1.0 / (size * frames))
         self._padded = np.zeros((size, frames + 1))
-        self._seen: deque[Array] = deque(maxlen=PAST + 1)
+        self._seen = deque([np.full((self._count, 3), np.nan)] * (PAST + 1), maxlen=PAST + 1)
 
     def step(self, measured: Array) -> None:
         """Goes on by 1 / RATE s with measured points (K, 3), m; NaN for those not seen."""
@@ -94,15 +95,20 @@ class PhaseFilter:
         belief *= (1.0 - NEW) / max(float(belief.sum()), 1e-300)
         belief += NEW / belief.size
         self._seen.append(np.array(measured, dtype=float))
-        moved = self._seen[-1] - self._seen[0] if len(self._seen) > PAST else np.full((self._count, 3), np.nan)
         if np.isfinite(self._seen[-1].sum(axis=1)).any():
-            self._weigh(belief, self._seen[-1], moved)
+            self._weigh(belief, self._seen[-1], self._seen[-1] - self._seen[0])
         self._belief = belief / belief.sum()
 
     @property
     def evidence(self) -> Array:
         """The probability of each motion."""
         return np.add.reduceat(self._belief.sum(0), self._first[:-1])
+
+    @property
+    def share(self) -> float:
+        """The share of a body completed from K > 1 points: more, the less the motion fits; less if the body stands."""
+        off = self._misfit * (1.0 - STANDS * float(self._belief[TEMPOS <= 0.0].sum()) / self._count)
+        return off / (off + (FITS / self._count) ** 2)
 
     def place(self, motion: int | None = None, near: float | None = None) -> BodyPlace:
         """The likeliest place, or that in a motion; near a frame unless another is clearly likelier.
@@ -142,7 +148,7 @@ class PhaseFilter:
         gain = seen / (RATE * OWN)
         left = back * z - (flat + self._offset - np.conj(mean[best[1]]) / total)
         off = np.square(np.abs(left + self._offset)) + np.square(h - up + self._offset_up)
-        self.misfit += (float(off[seen].mean()) - self.misfit) / (RATE * OWN)
+        self._misfit += (float(off[seen].mean()) - self._misfit) / (RATE * OWN)
         self._offset += gain * left
         self._offset *= np.minimum(1.0, MOST_OWN / np.maximum(np.abs(self._offset), 1e-9))
         self._offset_up = (self._offset_up + gain * (h - up)).clip(-MOST_OWN, MOST_OWN)

@@ -72,6 +72,14 @@ def test_the_body_leads_the_more_the_less_a_person_fits_the_motion(library, pers
     assert 0.7 < shares[1] < 1.0
 
 
+def test_the_body_leads_less_as_soon_as_a_person_stands(library, person):
+    follower, shares = PersonFollower(library, POINTS, learn=LEARN), []
+    for joints in (*person[0], *[person[0][-1]] * 8):
+        follower.step(seen(library, joints))
+        shares.append(follower.body[0])
+    assert shares[-1] < shares[-9] - 0.08
+
+
 def test_the_root_is_told_where_it_is(library, person):
     own = [("root", *library.encoding.skeleton.bones).index(point) for point in POINTS]
     joints, heading = person
