@@ -2,27 +2,33 @@
 
 import signal
 import sys
+from collections.abc import Callable
+from traceback import walk_stack
+from types import FrameType
 
-_asked = 0
+Handler = Callable[[int, FrameType | None], object]
 
 
 def take_signals() -> None:
     """Makes SIGTERM and SIGHUP end the program with one line, unless they are handled or ignored already."""
     for number in (signal.SIGTERM, signal.SIGHUP):
         if signal.getsignal(number) == signal.SIG_DFL:
-            signal.signal(number, _end)
+            signal.signal(number, outside_imports(_end))
 
 
-def end_if_asked() -> None:
-    """Ends the program if a signal has asked for it."""
-    # Where Python calls the handler from inside an import or a callback, what it raises may be caught there.
-    if _asked:
-        sys.exit(128 + _asked)
+def outside_imports(handle: Handler) -> Handler:
+    """A signal's handler that waits for the end of an import: what it raises there passes for a missing package."""
+
+    def handler(number: int, frame: FrameType | None) -> None:
+        if any(one.f_code.co_filename == "<frozen importlib._bootstrap>" for one, _ in walk_stack(frame)):
+            signal.signal(signal.SIGALRM, lambda _, later: handler(number, later))
+            signal.setitimer(signal.ITIMER_REAL, 0.05)
+        else:
+            handle(number, frame)
+
+    return handler
 
 
-def _end(number: int, frame: object) -> None:
-    global _asked
-    if not _asked:
-        print(f"motiondeck: ended by {signal.Signals(number).name}", file=sys.stderr)
-    _asked = number
+def _end(number: int, frame: FrameType | None) -> None:
+    print(f"motiondeck: ended by {signal.Signals(number).name}", file=sys.stderr)
     sys.exit(128 + number)

@@ -16,7 +16,7 @@ import typer
 
 import motiondeck
 import motiondeck.networks
-from motiondeck.cli.main import app
+from motiondeck.cli.main import command_line
 from motiondeck.libraries import load_library
 
 ROOT = Path(__file__).parents[1]
@@ -172,7 +172,7 @@ def command_lines(page):
 
 @pytest.fixture(scope="module")
 def program():
-    return typer.main.get_command(app)
+    return typer.main.get_command(command_line())
 
 
 def misunderstood(program, words):

@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 
 from controller.loop.stop_state import StopState
 from controller.wire.messages.deck_snapshot import Mode
-from motiondeck_base.early_end import end_if_asked
 
 
 @dataclass
@@ -68,10 +67,8 @@ SIGNALS = {  # that end a run, and what is then given as the reason
 def stop_on_signals() -> Iterator[StopRequest]:
     """A request that SIGINT, SIGTERM and SIGHUP set; the next signal raises KeyboardInterrupt.
 
-    Outside the main thread Python handles no signals, and the request is set by the caller alone. SystemExit if a
-    signal has come before.
+    Outside the main thread Python handles no signals, and the request is set by the caller alone.
     """
-    end_if_asked()
     request = StopRequest()
     if threading.current_thread() is not threading.main_thread():
         yield request

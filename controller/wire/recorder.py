@@ -50,8 +50,7 @@ def reason_file(state: Path) -> Path:
 
 def main(state: str, out: str, events: str = "") -> int:
     """The command line of the recorder: shared state, recording, the file number of events; returns its exit code."""
-    for number in (signal.SIGINT, signal.SIGTERM):  # they end the deck; its last ticks are recorded too
-        signal.signal(number, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)  # it ends the deck; its last ticks are recorded too
     os.nice(5)
     try:
         lost = record(Path(state), Path(out), int(events) if events else None)

@@ -200,7 +200,7 @@ class PtyServer:
                 self._link.symlink_to(os.ttyname(self._slave))
             except OSError as error:
                 self._unplug()
-                raise SerialPortError(f"cannot make the link {self._link}: {error.strerror}.") from error
+                raise SerialPortError(f"cannot make the link {self._link}: {error.strerror}. Name another.") from error
 
     def _unplug(self) -> None:
         # Before the terminal is gone: the next one of the machine, somebody else's, may get its number.

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from importlib import import_module
 from typing import Annotated, Any
 
-from motiondeck_base.early_end import take_signals
+from motiondeck_base.early_end import outside_imports, take_signals
 from motiondeck_base.whole_lines import print_whole_lines
 
 # During imports Ctrl-C ends the program silently.
@@ -100,12 +100,6 @@ def command_line(words: Sequence[str] = ()) -> typer.Typer:
     return app
 
 
-def __getattr__(name: str) -> typer.Typer:
-    if name == "app":  # the whole command line, made on demand
-        return command_line()
-    raise AttributeError(name)
-
-
 def _print_version(asked: bool) -> None:
     if asked:
         from importlib.metadata import version  # slow to import
@@ -159,7 +153,7 @@ def _run() -> Any:
 
 def main() -> None:
     """Runs the command line; a user's mistake prints one line, with exit code 1."""
-    signal.signal(signal.SIGINT, signal.default_int_handler)
+    signal.signal(signal.SIGINT, outside_imports(signal.default_int_handler))
     print_whole_lines()
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")  # letters that the terminal lacks become question marks

@@ -19,7 +19,7 @@ PREFIX = "robot/"
 APART = 0.9  # heights of the human's root
 # Sizes that a model may reserve; MuJoCo computes those it needs.
 _USERS = ("actuator", "body", "cam", "geom", "jnt", "sensor", "site", "tendon")
-_SIZES = ("memory", "nconmax", "njmax", "nstack", "nkey", "nuserdata", *(f"nuser_{thing}" for thing in _USERS))
+_SIZES = ("memory", "nconmax", "njmax", "nstack", "nuserdata", *(f"nuser_{thing}" for thing in _USERS))
 
 
 class SideBySide:

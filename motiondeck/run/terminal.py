@@ -187,8 +187,6 @@ def main() -> None:
     except MotiondeckError as error:
         print(f"motiondeck: {error}", file=sys.stderr)
         sys.exit(1)
-    except KeyboardInterrupt:
-        sys.exit(130)
 
 
 if __name__ == "__main__":

@@ -1,7 +1,6 @@
 """The process in which a deck takes part in a show; `motiondeck play --show` starts it."""
 
 import os
-import signal
 import sys
 
 from controller.wire.command_socket import CommandClient, CommandServer, SocketError
@@ -25,7 +24,6 @@ def main(show: str, command_port: str, leader_port: str, about_deck: str) -> int
         leader_port: where the deck asks for the show's phase.
         about_deck: an `About`, JSON.
     """
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # it ends the deck, and its end ends this
     about = read(about_deck.encode(), About)
     assert about is not None, "written by the deck"
     try:

@@ -136,7 +136,8 @@ def _clear_stage(spec: mujoco.MjSpec) -> None:
     for texture in [*spec.textures]:
         if texture.type == mujoco.mjtTexture.mjTEXTURE_SKYBOX:
             spec.delete(texture)
-    # These may refer to what is removed, and are not used.
+    # These may refer to what is removed, and are not used; a compiler makes empty keys up to a file's `nkey`.
+    spec.nkey = 0
     for thing in [*spec.keys, *spec.sensors, *spec.pairs, *spec.tuples]:
         spec.delete(thing)
 

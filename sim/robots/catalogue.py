@@ -46,7 +46,7 @@ def model_file(model: str) -> Path:
     try:
         return Path(entry.xml(entry.default_model))
     except (menagerie.MenagerieError, OSError) as error:
-        raise MotiondeckError(f"{model}: cannot be downloaded ({error})") from None
+        raise MotiondeckError(f"{model}: cannot be downloaded ({error}). Check the network, or give a file") from None
 
 
 def menagerie_package() -> Any:

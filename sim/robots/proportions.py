@@ -64,7 +64,7 @@ def segments_of(model: mujoco.MjModel, parts: dict[str, str], limbs: RobotLimbs,
 def limb_doubts(parts: dict[str, str], segments: list[SegmentPair], directions: LimbDirections) -> list[Doubt]:
     """Limbs that do not fit a human's body, or their twins; knees and elbows that `LimbDirections` finds elsewhere."""
     arms = {"r_upper_arm": "right", "l_upper_arm": "left"}
-    found = [Doubt("", f"no {side} arm was found", True) for name, side in arms.items() if name not in parts]
+    found = [Doubt("", f"no {side} arm was found ({name})", True) for name, side in arms.items() if name not in parts]
     found += [
         Doubt(f"{s}_shank", "no ankle was found below it", False)
         for s in "rl"

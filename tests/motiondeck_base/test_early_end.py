@@ -1,21 +1,36 @@
 import subprocess
 import sys
 
-SWALLOWED = """
+import pytest
+
+from waiting import PATIENCE
+
+# A module that takes the interrupt of its import for a missing package, as compiled ones and their callers do.
+DEAF = """
 import os, signal
-from motiondeck_base.early_end import take_signals
-take_signals()
 try:
-    os.kill(os.getpid(), signal.SIGTERM)
-except SystemExit:
-    print("swallowed", flush=True)
-from controller.loop.stop_requests import stop_on_signals
-with stop_on_signals():
-    print("a run has begun")
+    os.kill(os.getpid(), signal.{name})
+    for _ in range(1000): pass
+except BaseException:
+    pass
+"""
+IMPORTS_IT = """
+import sys, time
+from motiondeck.cli import main as cli
+sys.path.insert(0, sys.argv[1])
+def command(**settings):
+    import deaf
+    time.sleep({seconds})
+    print("went on")
+cli.command_line = lambda words: command
+cli.main()
 """
 
 
-def test_a_signal_whose_exception_was_swallowed_ends_the_program_before_a_run_begins():
-    done = subprocess.run([sys.executable, "-c", SWALLOWED], capture_output=True, text=True, timeout=60)
-    assert (done.stdout, done.returncode) == ("swallowed\n", 143)
-    assert done.stderr == "motiondeck: ended by SIGTERM\n"
+@pytest.mark.parametrize(("name", "code"), [("SIGINT", 130), ("SIGTERM", 143), ("SIGHUP", 129)])
+def test_a_signal_within_an_import_is_not_lost_there(name, code, tmp_path):
+    (tmp_path / "deaf.py").write_text(DEAF.format(name=name))
+    program = [sys.executable, "-c", IMPORTS_IT.format(seconds=PATIENCE), str(tmp_path)]
+    done = subprocess.run(program, capture_output=True, text=True, timeout=2 * PATIENCE)
+    assert (done.stdout, done.returncode) == ("", code)
+    assert done.stderr == ("" if name == "SIGINT" else f"motiondeck: ended by {name}\n")

@@ -37,8 +37,8 @@ def refused(*arguments, **named):
     raise OSError(30, "Read-only file system")
 _multiprocessing.SemLock, allowed = refused, os.access
 os.access = lambda path, mode: path != "/dev/shm" and allowed(path, mode)
-from motiondeck.cli.main import app
-app
+from motiondeck.cli.main import command_line
+command_line()
 from joblib import delayed
 from motiondeck_base.jobs import EVERY_CORE, spread
 print(sorted(spread([delayed(abs)(-1), delayed(abs)(2)], EVERY_CORE)))

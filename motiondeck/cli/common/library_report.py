@@ -71,7 +71,7 @@ def print_errors(motions: Iterable[MotionInfo]) -> None:
         held = "" if error.held_degrees is None else f"{error.held_degrees:.1f}"
         feet = ("", "")
         if error.slide_mm is not None:
-            feet = (f"{error.slide_mm:.0f} ({error.recorded_slide_mm:.0f})", f"{error.floor_mm:.0f}")
+            feet = (f"{error.slide_mm:.0f} ({error.recorded_slide_mm:.0f})", f"{error.floor_mm:z.0f}")
         rows.append((motion.name, *spread, worst, f"{error.own_body_mm:.1f}", held, *feet))
     if not rows:
         return

@@ -1,6 +1,7 @@
 """Processes of this program that a run starts and that end with it; they never import from the working directory."""
 
 import contextlib
+import signal
 import socket
 import subprocess
 import sys
@@ -21,21 +22,22 @@ def child_process(
 ) -> Iterator[subprocess.Popen[bytes]]:
     """Runs a module beside the block; after the block it has `patience` seconds to end, then it is killed.
 
-    With its own session Ctrl-C, which is for the deck alone, does not reach it; `stdin` is an open file.
+    Ctrl-C, which is for the deck, does not reach it, nor with its own session a hangup; `stdin` is an open file.
     """
     command = [sys.executable, "-P", "-m", module, *arguments]
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT,))  # which the child inherits
     child = subprocess.Popen(command, stdin=stdin, start_new_session=own_session)
+    signal.pthread_sigmask(signal.SIG_SETMASK, before)
     try:
         yield child
     except BaseException:
         child.terminate()
         raise
     finally:
-        try:
+        with contextlib.suppress(subprocess.TimeoutExpired):
             child.wait(patience)
-        except subprocess.TimeoutExpired:
-            child.kill()
-            child.wait()
+        child.kill()
+        child.wait()
 
 
 @dataclass(frozen=True)

@@ -111,10 +111,9 @@ def with_robot(spec: RunSpec, skeleton: Skeleton) -> RunSpec:
     robot = "mannequin" if rig in ("", EMULATED) else find_rig(rig, also=(EMULATED,)).stem
     try:
         find_robot(robot)
-    except UnknownNameError as error:
+    except UnknownNameError:
         raise MotiondeckError(
-            f"{error} The joints of {rig} play what they were taught: name it. Motions of bodies are carried to it "
-            "by a robot with its joints: name that with --robot."
+            f"{rig}: motions of bodies need a robot with its joints (--robot); --library FILE plays what it was taught"
         ) from None
     return replace(spec, robot=robot)
 

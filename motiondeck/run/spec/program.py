@@ -196,11 +196,13 @@ def first_motion(library: MotionLibrary, motion: str | None) -> str:
     """What a library plays first: the given motion, else `walk`, else its first; UnknownNameError names the nearest."""
     names = library.network.motions
     if motion is not None and motion not in names and Path(motion).is_file():
+        if motion.endswith((".xml", ".urdf")):
+            raise MotiondeckError(f"{motion}: a robot's model; make a robot file: motiondeck robot calibrate {motion}")
         learned = Path(motion).with_suffix(".safetensors").name
         raise MotiondeckError(
             f"{motion}: a file, not a motion of {library.info.name}. Learn it: motiondeck learn {motion} --out "
             f"{learned}; then play it: motiondeck play {learned}"
         )
-    if motion is not None and motion not in names:
-        raise UnknownNameError.among("motion", motion, names)
+    if motion is not None:
+        UnknownNameError.check("motion", motion, names, f"{library.info.name}: ")
     return motion or ("walk" if "walk" in names else names[0])

@@ -165,7 +165,7 @@ def test_the_shipped_library_is_found_by_name():
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        (("play", "wlak", "--headless"), "unknown motion 'wlak'. Did you mean walk"),
+        (("play", "wlak", "--headless"), "thesis15: unknown motion 'wlak'. Did you mean walk"),
         (("play", "--library", "thesis16", "--headless"), "unknown library 'thesis16'. Did you mean thesis15"),
         (("play", "--library", "none.safetensors", "--headless"), "none.safetensors: there is no such file"),
         (("play", "--robot", "servo2", "--headless"), "unknown robot 'servo2'. Did you mean servo20"),
@@ -307,7 +307,7 @@ def test_libraries_are_listed_with_those_of_the_folder(library, tmp_path, monkey
 def test_a_mistake_in_a_process_ends_in_the_same_line():
     run = process("play", "wlak", "--headless")
     assert (run.returncode, run.stdout) == (1, "")
-    assert run.stderr.startswith("motiondeck: unknown motion 'wlak'. Did you mean walk")
+    assert run.stderr.startswith("motiondeck: thesis15: unknown motion 'wlak'. Did you mean walk")
     assert len(run.stderr.strip().splitlines()) == 1
 
 

@@ -7,7 +7,7 @@ import pytest
 import typer
 
 from benchmarks.__main__ import find_benchmarks
-from motiondeck.cli.main import app
+from motiondeck.cli.main import command_line
 
 ROOT = Path(__file__).parents[3]
 PRODUCT = [
@@ -36,7 +36,7 @@ def declared():
 
 @pytest.fixture(scope="module")
 def program():
-    return typer.main.get_command(app)
+    return typer.main.get_command(command_line())
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 import typer
 
-from motiondeck.cli.main import app
+from motiondeck.cli.main import command_line
 
 ROOT = Path(__file__).parents[3]
 ROOMS = ("controller", "sim", "hardware", "motiondeck", "motiondeck_base")
@@ -53,7 +53,7 @@ def problems(text):
     return lacking + [title for title in titles if not any(one.startswith(title) for one in TITLES)]
 
 
-@pytest.mark.parametrize("texts", [helps(typer.main.get_command(app)), said()], ids=["help", "messages"])
+@pytest.mark.parametrize("texts", [helps(typer.main.get_command(command_line())), said()], ids=["help", "messages"])
 def test_no_text_names_a_place_that_a_wheel_lacks(texts):
     wrong = [(where, problems(text)) for where, text in texts]
     assert [(where, found) for where, found in wrong if found] == []

@@ -15,9 +15,10 @@ import synthetic
 from command_line import invoked
 from controller.library.motion_library import save_library
 from controller.wire.run_folder import run_folder, write_shared
-from motiondeck.run.beside.child_process import Children
+from motiondeck.run.beside.child_process import Children, child_process
 from motiondeck.run.beside.tick_recorder import TickRecorder
 from motiondeck_base.errors import MotiondeckError
+from waiting import PATIENCE
 
 HOLD = """
 from controller.wire.run_folder import run_folder, write_shared
@@ -117,3 +118,9 @@ def test_a_folder_that_cannot_be_made_is_a_clear_error(tmp_path, monkeypatch):
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "nowhere"))
     with pytest.raises(MotiondeckError, match=r"no temporary folder can be made .*set TMPDIR"), run_folder():
         pass
+
+
+def test_an_interrupt_does_not_reach_a_child_that_is_just_starting():
+    with child_process("timeit", "-n", "1", "pass", patience=PATIENCE) as child:
+        child.send_signal(signal.SIGINT)
+    assert child.returncode == 0

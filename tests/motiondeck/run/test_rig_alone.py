@@ -49,7 +49,7 @@ def test_the_robot_of_a_run_follows_from_what_is_played_on_which_rig(rig, clip):
     assert with_robot(RunSpec(rig="emulated:servo20"), body).robot == "servo20"
     assert with_robot(RunSpec(rig=str(rig)), taught).robot is None
     assert with_robot(RunSpec(rig=f"emulated:{rig}"), taught).robot is None
-    with pytest.raises(MotiondeckError, match=r"unknown robot 'head'.*what they were taught.*--robot"):
+    with pytest.raises(MotiondeckError, match=r"head.toml: motions of bodies need a robot.*--robot.*--library"):
         with_robot(RunSpec(rig=str(rig)), body)
 
 
@@ -58,6 +58,9 @@ def test_a_library_file_or_with_a_rig_a_clip_stands_for_the_motion(rig, clip, tm
     assert (program.source.name, program.first, program.file) == ("talk", "talk", None)
     with pytest.raises(MotiondeckError, match=r"a file, not a motion of thesis15\. Learn it"):
         Program.of(RunSpec(motion=str(clip)))
+    (tmp_path / "robot.xml").write_text("<mujoco/>")
+    with pytest.raises(MotiondeckError, match=r"a robot's model; .*motiondeck robot calibrate .*robot\.xml$"):
+        Program.of(RunSpec(motion=str(tmp_path / "robot.xml")))
     with pytest.raises(MotiondeckError, match=r"--show is for a library.*motiondeck learn .*talk.clip"):
         Program.of(RunSpec(motion=str(clip), rig=str(rig), show="gala/head"))
     library = rig.with_suffix(".safetensors")

@@ -142,7 +142,7 @@ def test_a_urdf_is_drawn_by_its_visual_shapes_and_moves_by_the_others(tmp_path):
 
 @pytest.mark.filterwarnings("error")
 def test_a_robot_with_options_of_its_own_is_shown_beside_the_human(tmp_path):
-    own = '<option ls_iterations="5"/><size njmax="5000" nconmax="2000" nuser_jnt="1" nkey="1"/>'
+    own = '<option ls_iterations="5"/><size njmax="5000" nconmax="2000" nuser_jnt="1" nkey="2"/>'
     own += '<visual><map zfar="30" shadowscale="2"/><global fovy="60"/><quality shadowsize="512"/>'
     own += '<rgba haze="0 0 0 1"/><scale com="2"/></visual><statistic extent="3" center="1 0 0"/><worldbody>'
     (tmp_path / "small.xml").write_text(humanoid().replace("<worldbody>", own, 1))
