@@ -75,7 +75,6 @@ class ServoPort:
         """
         self.part = part
         self.joints = np.array([config.names.index(name) for name in part.names])  # indices in the rig, shape (n,)
-        self.places = slice(None) if len(self.joints) == len(config.joints) else self.joints  # the same, of arrays
         self.servos, names = part.servos, config.servos.names  # more than joints, where two turn one
         self.rows = np.array([names.index(name) for name in self.servos.names])  # indices in the rig, shape (s,)
         self.joint_of = np.array(config.joint_of)  # of all servos of the rig, shape (S,)

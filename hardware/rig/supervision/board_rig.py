@@ -14,7 +14,7 @@ from hardware.errors import RigError, SerialPortError
 from hardware.rig.counters import RigFaults, RigReport
 from hardware.rig.rig_file import RigConfig
 from hardware.rig.scale import Array, RigScale
-from hardware.rig.supervision.health import LOST_AFTER, Incident
+from hardware.rig.supervision.health import INCIDENTS_KEPT, LOST_AFTER, Incident
 from hardware.rig.supervision.servo_states import CONDITIONS, ServoStates
 
 BAUD = 1_000_000
@@ -76,7 +76,7 @@ class BoardRig:
         self.config, self.names, self._port = config, config.names, port
         count, own, reply = len(self.names), identity(config), ""
         self.faults, self.recoveries, self._scale = RigFaults.none(count), 0, RigScale(config)
-        self.incidents: deque[Incident] = deque(maxlen=200)
+        self.incidents: deque[Incident] = deque(maxlen=INCIDENTS_KEPT)
         self.busy = 0.0  # for how long goals have taken the line to the board, s; answers go the other way
         self.is_stopped: Callable[[], bool] = lambda: False  # whether the emergency stop is on
         self.positions, self.goals, self._seen = np.zeros(count), np.zeros(count), np.full(count, -np.inf)

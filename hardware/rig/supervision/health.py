@@ -44,7 +44,7 @@ _TOGETHER_FOR = 3.0  # s that they stay together when they have been set up agai
 _SERIOUS = 4 | 8 | 16 | 32  # heat, encoder, shock, overload
 _LOW_VOLTAGE = 0.8  # of the highest seen; each servo reports a voltage beyond its own limits
 _RESTLESS, _RESTLESS_WITHIN = 5, 10.0  # times, s
-_KEPT = 200
+INCIDENTS_KEPT = 200
 
 # By incident the condition that it makes.
 _KINDS = {
@@ -79,7 +79,7 @@ class Health:
 
     def __init__(self, config: RigConfig, now: float) -> None:
         count = len(config.joints)
-        self.incidents: deque[Incident] = deque(maxlen=_KEPT)  # the latest, in order of time
+        self.incidents: deque[Incident] = deque(maxlen=INCIDENTS_KEPT)  # the latest, in order of time
         # Joints that need setting up again, that cannot be mended, that the rig goes on without, and those of them that
         # were switched off on command, shape (J,).
         self.mend, self.fatal, self.lost, self.off = (np.zeros(count, dtype=np.bool_) for _ in range(4))
@@ -100,7 +100,7 @@ class Health:
         self._anchor, self._anchored = np.full(count, np.inf), np.full(count, now)
         self._idle, self._was_idle = (np.zeros(count, dtype=np.bool_) for _ in range(2))
         self._given_up = np.zeros(count, dtype=np.bool_)
-        self._known, self._seen = (np.zeros((len(_KINDS), count), dtype=np.bool_) for _ in range(2))
+        self._known = np.zeros((len(_KINDS), count), dtype=np.bool_)  # the incidents that last, as reported
         self._mended: list[deque[float]] = [deque(maxlen=_RESTLESS) for _ in range(count)]
         self._reason = [""] * count
 
@@ -139,7 +139,7 @@ class Health:
         apart = measured.apart > APART
         self.fatal = alive & (down | hot | silent | restless | apart | (idle & self._was_idle))
         margin = measured.hottest - measured.temperatures
-        known, seen = self._known, self._seen
+        known, seen = self._known, np.empty_like(self._known)
         seen[_SILENT] = missing & (silence > _MISSED_AFTER)
         seen[_LIMP] = limp
         seen[_BACK] = back
@@ -150,11 +150,10 @@ class Health:
         self._strongest = np.fmax(self._strongest, measured.voltages)
         seen[_STARVED] = (measured.voltages < _LOW_VOLTAGE * self._strongest) | (measured.errors & 1 != 0)
         seen[_DOWN] = down
-        seen[:] = np.where(free, seen & alive, known)
-        new = seen & ~known
+        self._known = np.where(free, seen & alive, known)
+        new = self._known & ~known
         if np.logical_or.reduce(new, axis=None):
             self._report(new, measured, silence, now)
-        self._known, self._seen = seen, known
         self._read_at[:] = measured.read_at
         if np.logical_or.reduce(self.fatal):
             self._explain(measured, down, hot, silent, restless, apart)

@@ -91,10 +91,9 @@ class Rig:
         self.names = config.names
         self.recoveries = 0
         self.faults, self.measured = RigFaults.none(count), Measurements(count)
-        servos, of = len(config.servos.joints), np.array(config.joint_of)
+        servos, self._joint_of = len(config.servos.joints), np.array(config.joint_of)
         by_servo = self.measured if servos == count else Measurements(servos)
         self._joined = None if servos == count else JoinedMeasurements(config, by_servo, self.measured)
-        self._joint_of = slice(None) if servos == count else of
         self.positions, self.velocities = self.measured.positions, self.measured.velocities
         self.currents, self.temperatures = self.measured.currents, self.measured.temperatures
         self.voltages = self.measured.voltages
@@ -172,9 +171,9 @@ class Rig:
         A target beyond a limit stops there, one that is NaN or infinite leaves the joint's goal; both are counted.
         """
         ready = self._ready()
-        for one in self._recoveries:
-            if self._stopped or one.under_way:
-                self.faults.unsent[one.port.places] += 1
+        for recovery in self._recoveries:
+            if self._stopped or recovery.under_way:
+                self.faults.unsent[recovery.port.joints] += 1
         if not ready:
             return
         with self.write_us:
@@ -184,23 +183,23 @@ class Rig:
             if np.logical_or.reduce(beyond):
                 self.faults.clipped[:] += beyond
             counts = self._scale.pulses(goals[self._joint_of])
-            for one in ready:
-                port = one.port
+            for recovery in ready:
+                port = recovery.port
                 try:
                     if port.write(counts):
-                        self.goals[port.places] = goals[port.places]
+                        self.goals[port.joints] = goals[port.joints]
                     else:
-                        self.faults.unsent[port.places] += 1
+                        self.faults.unsent[port.joints] += 1
                 except SerialPortError as error:
-                    self._recover_port(one, error)
+                    self._recover_port(recovery, error)
             if np.logical_or.reduce(pace.catching_up.joints):
                 pace.sent(targets, self.goals, self.positions, held)
                 of_servos = pace.of_servos
-                for one in ready:
-                    one.port.keep_pace(of_servos)
-        for one in ready:
-            if not one.under_way and one.port.stopped:
-                one.start(_RECOVERED_WITHIN)
+                for recovery in ready:
+                    recovery.port.keep_pace(of_servos)
+        for recovery in ready:
+            if not recovery.under_way and recovery.port.stopped:
+                recovery.start(_RECOVERED_WITHIN)
 
     def _held_back(self, targets: Array) -> tuple[Array, NDArray[np.bool_]]:
         """The targets, but for joints that stay where they are; and which do."""
@@ -222,11 +221,11 @@ class Rig:
 
     def request_state(self) -> None:
         """Requests the servos' states without sending targets."""
-        for one in self._ready():
+        for recovery in self._ready():
             try:
-                one.port.request_state()
+                recovery.port.request_state()
             except SerialPortError as error:
-                self._recover_port(one, error)
+                self._recover_port(recovery, error)
 
     def collect_state(self) -> bool:
         """Takes the replies that have come in the meantime; whether anything new was measured."""
@@ -235,11 +234,11 @@ class Rig:
             return False
         fresh, now = False, self._now()
         with self.read_us:
-            for one in ready:
+            for recovery in ready:
                 try:
-                    fresh |= one.port.collect_state(now)
+                    fresh |= recovery.port.collect_state(now)
                 except SerialPortError as error:
-                    self._recover_port(one, error)
+                    self._recover_port(recovery, error)
             self._join()
         self._look_after()
         return fresh
@@ -284,24 +283,24 @@ class Rig:
 
         RigError if a servo is silent just now, or something else is being done: holding could then end the run.
         """
-        if self._stopped or any(one.under_way or one.to_do is not None for one in self._recoveries):
+        if self._stopped or any(recovery.under_way or recovery.to_do is not None for recovery in self._recoveries):
             raise RigError("the rig is busy with its servos. Try again.")
         if np.logical_or.reduce((self.measured.missed_in_a_row > 0) & ~self.health.lost):
             raise RigError("a servo does not answer just now. Try again when the rig has recovered or given up on it.")
         scan = PortScan(self.config.servos, len(self._recoveries))
-        for one in self._recoveries:
-            one.to_do = partial(scan.ask, one.port.servos)
+        for recovery in self._recoveries:
+            recovery.to_do = partial(scan.ask, recovery.port.servos)
         return scan
 
     def close(self, *, hold: bool = False) -> list[str]:
         """Switches off, or holds, as the rig file asks or as given; returns the joints that did not confirm it."""
         self._stopped = True
         self._keeping.stop()
-        for one in self._recoveries:
-            one.cancelled = True
+        for recovery in self._recoveries:
+            recovery.cancelled = True
         try:
-            for one in self._recoveries:
-                one.wait()
+            for recovery in self._recoveries:
+                recovery.wait()
         finally:
             unconfirmed = close_all(self._all_ports(), hold=hold)
         return unconfirmed
@@ -314,30 +313,30 @@ class Rig:
         return self._recoveries[0].port.bus.port.now()
 
     def _all_ports(self) -> list[ServoPort]:
-        return [one.port for one in self._recoveries]
+        return [recovery.port for recovery in self._recoveries]
 
     def _recovery_of(self, joint: int) -> PortRecovery:
-        return next(one for one in self._recoveries if joint in one.port.joints)
+        return next(recovery for recovery in self._recoveries if joint in recovery.port.joints)
 
     def _ready(self) -> list[PortRecovery]:
         """The ports in use; takes back those whose recovery is over, and raises RigError where it has failed."""
         if self._stopped:
             return []
         ready: list[PortRecovery] = []
-        for one in self._recoveries:
-            if one.under_way and one.over:
-                self._take_back(one)
-            if not one.under_way:
-                ready.append(one)
+        for recovery in self._recoveries:
+            if recovery.under_way and recovery.over:
+                self._take_back(recovery)
+            if not recovery.under_way:
+                ready.append(recovery)
         return ready
 
-    def _take_back(self, one: PortRecovery) -> None:
-        recovered, port, now = one.take(), one.port, self._now()
-        if recovered is None and self._goes_on_without(one, now):
+    def _take_back(self, recovery: PortRecovery) -> None:
+        recovered, port, now = recovery.take(), recovery.port, self._now()
+        if recovered is None and self._goes_on_without(recovery, now):
             return
         if recovered is None:
             self._stopped = True
-            raise RigError(f"the rig has stopped: {one.failure}") from one.failure
+            raise RigError(f"the rig has stopped: {recovery.failure}") from recovery.failure
         if port.gone:
             self._note_port(port, "is back", fault=False)
         port.attach(recovered, now)
@@ -350,35 +349,35 @@ class Rig:
         port.keep_pace(self.pace.of_servos)
         self._loosen(self.health.lost)
 
-    def _goes_on_without(self, one: PortRecovery, now: float) -> bool:
+    def _goes_on_without(self, recovery: PortRecovery, now: float) -> bool:
         """Gives up on servos that failed while the others of their port were set up again, which starts anew.
 
         Whether it does: the rig file must ask for it, and others be left.
         """
-        if self.config.on_loss == "stop" or not isinstance(one.failure, LostServosError):
+        if self.config.on_loss == "stop" or not isinstance(recovery.failure, LostServosError):
             return False
-        failed = [index for index in one.port.joints.tolist() if self.names[index] in one.failure.names]
-        if len(failed) == np.count_nonzero(~self.health.lost[one.port.joints]):
+        failed = [index for index in recovery.port.joints.tolist() if self.names[index] in recovery.failure.names]
+        if len(failed) == np.count_nonzero(~self.health.lost[recovery.port.joints]):
             return False
-        self.health.miss(failed, one.failure.what, now)
-        one.start(_RECOVERED_WITHIN)
+        self.health.miss(failed, recovery.failure.what, now)
+        recovery.start(_RECOVERED_WITHIN)
         return True
 
-    def _recover_port(self, one: PortRecovery, error: SerialPortError) -> None:
+    def _recover_port(self, recovery: PortRecovery, error: SerialPortError) -> None:
         """Starts to reopen a port that has vanished; raises RigError if the rig file does not want that."""
-        one.port.gone = True
-        self._note_port(one.port, "is gone")
+        recovery.port.gone = True
+        self._note_port(recovery.port, "is gone")
         if self.config.reconnect_s == 0.0:
             self._stopped = True
             raise RigError(f"the rig has stopped: {error}") from error
-        one.start(self.config.reconnect_s)
+        recovery.start(self.config.reconnect_s)
 
     def _note_port(self, port: ServoPort, what: str, *, fault: bool = True) -> None:
         self.health.incidents.append(Incident(self._now(), f"the port {port.part.port}", what, fault))
 
     def _look_after(self) -> None:
         """Eases hot joints, has joints recovered, and stops the rig (RigError) for a lost one or goes on without it."""
-        recovering = [one.port.joints for one in self._recoveries if one.under_way]
+        recovering = [recovery.port.joints for recovery in self._recoveries if recovery.under_way]
         if len(recovering) == len(self._recoveries):
             return
         health, measured, now = self.health, self.measured, self._now()
@@ -394,10 +393,10 @@ class Rig:
         held_on = health.off & measured.torque
         if np.logical_or.reduce(held_on):
             self._loosen(held_on)
-        wanted = np.logical_or.reduce(health.mend)
-        for one in self._recoveries:
-            if not one.under_way and (one.to_do is not None or (wanted and health.mend[one.port.joints].any())):
-                one.start(_RECOVERED_WITHIN)
+        for recovery in self._recoveries:
+            wanted = recovery.to_do is not None or np.logical_or.reduce(health.mend[recovery.port.joints])
+            if wanted and not recovery.under_way:
+                recovery.start(_RECOVERED_WITHIN)
 
     def _has_lost_all(self, port: ServoPort) -> bool:
         """Whether the last joint of a port is lost just now; one of which all were switched off does no harm."""
@@ -405,9 +404,9 @@ class Rig:
         return bool(fatal.any() and (fatal | lost).all())
 
     def _loosen(self, joints: NDArray[np.bool_]) -> None:
-        for one in self._recoveries:
-            if not one.under_way:
+        for recovery in self._recoveries:
+            if not recovery.under_way:
                 try:
-                    one.port.loosen(joints)
+                    recovery.port.loosen(joints)
                 except SerialPortError as error:
-                    self._recover_port(one, error)
+                    self._recover_port(recovery, error)

@@ -98,7 +98,8 @@ def audit(config: RigConfig, bus: Bus) -> list[Difference]:
         changes_mode = held.get("operating_mode", joint.mode) != joint.mode
         for name, needed, when in _needs(joint, int(low), int(high), held):
             # A change of the mode puts the gains back to those delivered, and the goal current to its limit.
-            if held[name] != needed or (changes_mode and name in (*joint.gains, "goal_current")):
+            put_back = changes_mode and name in (*joint.gains, "goal_current")
+            if name in held and (held[name] != needed or put_back):
                 found.append(Difference(joint.name, joint.id, name, held[name], needed, when))
     return found
 
@@ -157,11 +158,11 @@ def _read_settings(joint: RigJoint, bus: Bus) -> dict[str, int]:
 
 
 def _needs(joint: RigJoint, low: int, high: int, held: dict[str, int]) -> Iterator[tuple[str, int, When]]:
-    """Register, needed value, and when it is set, for the registers that this model has."""
+    """Register, needed value, and when it is set; a model may lack some of these registers."""
+    series = joint.table.series
     # First the mode: a change of it puts gains and goals back.
-    for name, mode in (("operating_mode", joint.mode), ("torque_control_mode", 0)):
-        if name in held:
-            yield name, mode, "switch-on"
+    yield "operating_mode", joint.mode, "switch-on"
+    yield "torque_control_mode", 0, "switch-on"
     if "control_mode" in held:
         yield "control_mode", joint.table["control_mode"].default or 0, "switch-on"
     if joint.in_one_turn:
@@ -178,23 +179,18 @@ def _needs(joint: RigJoint, low: int, high: int, held: dict[str, int]) -> Iterat
     for name, most in (("goal_pwm", "pwm_limit"), ("torque_limit", "max_torque")):
         if name in held:
             yield name, held[most], "switch-on"
-    if "goal_current" in held and joint.mode in joint.table.series.current_limited:
+    if "goal_current" in held and joint.mode in series.current_limited:
         yield "goal_current", current_counts(joint) or held["current_limit"], "switch-on"
     yield "status_return_level", joint.table.family.answers_all, "switch-on"
-    if "goal_time" in held:
-        yield "goal_time", 0, "switch-on"
-    if "homing_offset" in held:
-        yield "homing_offset", joint.homing_offset, "refused"
+    yield "goal_time", 0, "switch-on"
+    yield "homing_offset", joint.homing_offset, "refused"
     for name in ("drive_mode", "startup_configuration", "multi_turn_offset"):
-        if name in held:
-            yield name, 0, "refused"
-    for name, (mask, value) in joint.table.series.bits_needed.items():
+        yield name, 0, "refused"
+    for name, (mask, value) in series.bits_needed.items():
         yield name, held[name] & ~mask | value, "refused"
-    if "resolution_divider" in held:
-        yield "resolution_divider", 1, "refused"
+    yield "resolution_divider", 1, "refused"
     if held.get("secondary_id", _NO_SECOND_ID) <= _LAST_ID:
         yield "secondary_id", _NO_SECOND_ID, "refused"
-    series = joint.table.series
     yield "shutdown", held["shutdown"] | series.own_problems(_PROTECTED), "refused"
     hottest, limit = round(joint.hottest), held["temperature_limit"]
     yield "temperature_limit", limit if _COOLEST_LIMIT <= limit <= hottest else hottest, "refused"

@@ -23,14 +23,13 @@ from controller.wire.messages.replies import OnPorts, Refused, Registers
 from hardware.errors import RigError
 from hardware.rig.counters import RigReport
 from hardware.rig.rig_file import RigConfig
-from hardware.rig.supervision.health import Incident
+from hardware.rig.supervision.health import INCIDENTS_KEPT, Incident
 from hardware.rig.supervision.servo_states import ServoStates
 from motiondeck.run.guard import messages
 from motiondeck.run.guard.messages import Begin, GuardLink, Note, States, Targets
 
 Array = NDArray[np.float64]
 
-_INCIDENTS = 200
 _SILENT = 1.0  # s after which a guard is taken for gone
 _REPORTS_WITHIN, _WATCHES_WITHIN, _CLOSES_WITHIN = 1.0, 5.0, 15.0  # s; closing waits for silent servos
 Awaited = Callable[[], Registers | OnPorts | Refused | None]  # what servos are asked, once the guard has the answer
@@ -62,7 +61,7 @@ class GuardedRig:
         rows[:2] = ready.positions
         self.positions: Array = rows[1]  # last measured, shape (J,), rad
         self.states = ServoStates(*rows)  # pyright: ignore[reportArgumentType] (rows of numbers, as the page has them)
-        self.incidents: deque[Incident] = deque(maxlen=_INCIDENTS)  # the latest, in order of time
+        self.incidents: deque[Incident] = deque(maxlen=INCIDENTS_KEPT)  # the latest, in order of time
         self.wire: GuardedWire | None = None  # the wired stop, if the guard watches one
         self.door_presses = 0  # how often an emergency stop came to the stop door
         self.stop = StopState()
