@@ -101,18 +101,15 @@ class Performance:
         """Advances by dt seconds at a tempo; whether a switch has been completed with it."""
         self._dt, self._tempo, tracks = dt, tempo, self.tracks
         target = tracks.step(dt, tempo if self._fade is None else tempo * self._onset, self._weight_pace)
-        shown, completed = target, False
-        if self._fade is not None or self._switching:
-            shown, completed = self._faded(target, dt)
+        shown, completed = self._faded(target)
         self.blend_problem = tracks.problem(self._joints(target), dt, tempo) if tracks.blending else ""
         self._shown, self._next = shown, advance(self.pose, shown, dt)
         if self._limits is not None:
-            self._keep_within(self._limits, dt, tempo)
+            self._keep_within(self._limits)
         if self.blend_problem == "turns over":
-            self._extrapolate(dt)
+            self._extrapolate()
         first = tracks.playing[0]
-        restarted = first.restarted() if first.guard is not None else None
-        if restarted is not None and tracks.alone:
+        if (restarted := first.restarted()) is not None and tracks.alone:
             first.player.cue_anchor(first.motion.name, restarted)
             self._fade_to_first(self.motion)
         return completed
@@ -169,24 +166,26 @@ class Performance:
         """The share of the tempo at which the motion plays: a one-shot starts slowly as it fades in."""
         return self._fade.onset if self._fade is not None and not self.motion.loop else 1.0
 
-    def _faded(self, target: Posture, dt: float) -> tuple[Posture, bool]:
+    def _faded(self, target: Posture) -> tuple[Posture, bool]:
+        """What is shown in place of a target, and whether the last switch is completed with it."""
         if self._fade is not None:
-            self._fade.advance(dt, float(target.turn_rate))
+            self._fade.advance(self._dt, float(target.turn_rate))
             if self._fade.lasts:
                 return self._fade.shown(target), False
             self._fade = None
             return target, True
-        if self.tracks.crossing or self.tracks.playing[0].morphing:
+        if not self._switching or self.tracks.crossing or self.tracks.playing[0].morphing:
             return target, False
         self._play_alone(self.tracks.leading)
         return target, True
 
-    def _keep_within(self, limits: JoinLimits, dt: float, tempo: float) -> None:
+    def _keep_within(self, limits: JoinLimits) -> None:
+        """Slows a change of weights, gives up a blend or replaces a join, as near as joints come to their limits."""
         tracks = self.tracks
-        use = limits.use(self._next, dt, tempo)
+        use = limits.use(self._next, self._dt, self._tempo)
         if tracks.crossing:
-            wanted = 1.0 - (use - EASED_FROM) / (EASED_TO - EASED_FROM)
-            self._weight_pace += (min(max(wanted, SLOWEST), 1.0) - self._weight_pace) * min(1.0, dt / EASING_SECONDS)
+            wanted = min(max(1.0 - (use - EASED_FROM) / (EASED_TO - EASED_FROM), SLOWEST), 1.0)
+            self._weight_pace += (wanted - self._weight_pace) * min(1.0, self._dt / EASING_SECONDS)
         # A fade whose duration is still being searched for has not had time to act.
         searching = self._fade is not None and not self._fade.found
         if tracks.blending:
@@ -194,7 +193,7 @@ class Performance:
                 self.blend_problem = "turns over"
         elif use > self._correct_from and not searching:
             self._correct_from = use + CORRECTED_AGAIN
-            self._extrapolate(dt)
+            self._extrapolate()
             self._fade_instead()
         elif tracks.cannot_cross:
             self._fade_instead()
@@ -215,8 +214,8 @@ class Performance:
             self._body_shown, self._body = self._body_goal, None
         self._next.offsets = self._body_shown
 
-    def _extrapolate(self, dt: float) -> None:
-        self._shown = extrapolated(self._before, self.posture, dt, self.tracks.rest_direction)
+    def _extrapolate(self) -> None:
+        self._shown = extrapolated(self._before, self.posture, self._dt, self.tracks.rest_direction)
         self._next = advance(self.pose, self._shown, self._dt)
 
     def _limit(self, *motions: Motion) -> None:

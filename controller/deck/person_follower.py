@@ -67,10 +67,12 @@ class PersonFollower:
         """
         measured = np.array([seen.get(point, (np.nan,) * 3) for point in self._points], dtype=float)
         measured[~(np.abs(measured) < FARTHEST)] = np.nan
-        self._filter.step(measured * self._scale)
+        measured *= self._scale
+        self._filter.step(measured)
         if self._body is not None:
             self.body = ()
-            if (rows := self._body.step(measured * self._scale)) is not None:
+            if (rows := self._body.step(measured)) is not None:
+                # Where the body stands and faces is not led: it goes on along the path of the motion.
                 rows[1, :2] = 0.0
                 own = rotate(yaw(-np.arctan2(rows[0, 1], rows[0, 0])), rows[1:])
                 self.body = self._filter.share, *own.round(3).ravel().tolist()

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 
 from controller.deck.deck import Deck
 from controller.deck.layers import Layers
-from controller.deck.lockable import Lockable
 from controller.deck.recorded_deck import RecordedDeck
 from controller.library.motion_library import MotionLibrary
 from controller.loop.clock import Ticker
@@ -101,7 +100,8 @@ def _assemble(opening: ExitStack, stop: StopRequest, spec: RunSpec, played: Play
 
     lead = Lead(channels, len(joints), clock.period)
     deck.lead = lead.seconds
-    if isinstance(deck, Lockable):
+    correction = None
+    if isinstance(deck, Deck):
         leader = member.leader(opening) if member is not None else None
         if spec.lock_to not in (None, "beat", "body"):
             leader = opening.enter_context(closing(LeaderLink.to(str(spec.lock_to))))
@@ -111,12 +111,11 @@ def _assemble(opening: ExitStack, stop: StopRequest, spec: RunSpec, played: Play
             deck.lock("beat" if spec.lock_to == "beat" else "body" if spec.lock_to == "body" else "deck")
     if isinstance(deck, Deck) and isinstance(played.source, MotionLibrary):
         deck.layers = _layers(played.source, robots)
-    correction = None
-    if servos is not None and len(robots) == 1 and isinstance(deck, Deck) and isinstance(played.source, MotionLibrary):
-        from motiondeck.run.robots.learned_follow import open_correction
+        if servos is not None and len(robots) == 1:
+            from motiondeck.run.robots.learned_follow import open_correction
 
-        parts, emulated = (opening, servos, deck, lead, first.limits, clock.period), is_emulated(spec.rig)
-        correction = open_correction(*parts, robot=first.name, library=played.source.info, emulated=emulated)
+            parts, emulated = (opening, servos, deck, lead, first.limits, clock.period), is_emulated(spec.rig)
+            correction = open_correction(*parts, robot=first.name, library=played.source.info, emulated=emulated)
     watch = _watch(spec, played, first, channels[0])
     guards = [robot.guard for robot in robots if robot.guard is not None]
     kept_apart = (lambda: sum(guard.kept_apart.total() for guard in guards)) if guards else None

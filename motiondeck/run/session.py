@@ -130,14 +130,13 @@ class Session:
         self._first = self.robots[0]
         self._ticks_a_picture = max(1, round(self.spec.rate / PICTURE_HZ))
         self._refused: list[dict[str, object]] = []
-        self._permissions: list[permissions.Permission] = []
 
     def run(self) -> dict[str, Any]:
         """Plays until the time is over or the run is stopped; the report."""
         spec, first = self.spec, self.deck.motion
         rests = [robot.rest for robot in self.robots if robot.rest is not None]
         with permissions.handed_back(), ExitStack() as shown:
-            self._request_permissions()
+            asked = self._request_permissions()
             if self.host.progress:
                 shown.enter_context(progress_line(self.deck, self.stop, spec.seconds, prompt=self.host.terminal))
             report = run(
@@ -163,26 +162,26 @@ class Session:
             self.page.end(self.stop.reason)
         recorded = {"recording": self.recorder.finish()} if self.recorder else {}
         names = [name for robot in self.robots for name in robot.joints]
-        full = run_report(report, names, self.deck.switches, self._permissions)
+        full = run_report(report, names, self.deck.switches, asked)
         full |= {"refused": self._refused, "restarts": self.deck.restarts}
-        played = dict.fromkeys(name for switch in full["switches"] for name in (*switch["via"], switch["to"]))
+        switched_to = dict.fromkeys(name for switch in full["switches"] for name in (*switch["via"], switch["to"]))
         verdicts = self.played.verdicts
-        full["verdicts"] = [verdicts[name].row() for name in {first: None, **played} if name in verdicts]
+        full["verdicts"] = [verdicts[name].row() for name in {first: None, **switched_to} if name in verdicts]
         full |= {"library": self.played.name, "robot": self._first.name} | recorded
         guards = {robot.prefix: robot.guard for robot in self.robots if robot.guard is not None}
         counts = {prefix + pair: count for prefix, guard in guards.items() for pair, count in guard.kept_apart.items()}
         full |= {"kept_apart": counts} if guards else {}
         return full | ({"recognition": self.watch.report()} if self.watch else {})
 
-    def _request_permissions(self) -> None:
-        if self.spec.core is not None:
-            self._permissions.append(permissions.request_core(self.spec.core))
+    def _request_permissions(self) -> list[permissions.Permission]:
+        asked = [permissions.request_core(self.spec.core)] if self.spec.core is not None else []
         if self.spec.realtime or self.spec.drives_servos:
             # The guard of a rig goes before the deck.
             priority = permissions.FIFO_PRIORITY - any(robot.rig is not None for robot in self.robots)
-            self._permissions += [*permissions.request_realtime(priority), permissions.request_one_blas_thread()]
-        for line in (*permissions.permission_lines(self._permissions), *unfit()):
+            asked += [*permissions.request_realtime(priority), permissions.request_one_blas_thread()]
+        for line in (*permissions.permission_lines(asked), *unfit()):
             print(line, file=sys.stderr)
+        return asked
 
     def _carry_out_commands(self, stop: StopRequest) -> None:
         while self._timeline and self._timeline[0].at <= self.deck.time:

@@ -50,11 +50,12 @@ class RigGuard:
         self.failure = ""  # why the rig has stopped for good, or ""
         self._rig, self._envelope, self._targets = rig, envelope, targets
         self._period, self._grid = period, now + period
-        self._come, self._ticked, self._fresh, self._missed = now, now, False, MISSED
-        self._shift, self._least, self._ticks = 0.0, 1.0, 0  # of the grid a tick; least waiting; ticks of the window
+        self._came_at, self._ticked_at, self._fresh, self._missed = now, now, False, MISSED
+        # By what part of a tick the grid moves in each; of a window of `_ticks` so far, the shortest wait of targets.
+        self._shift, self._least_wait, self._ticks = 0.0, 1.0, 0
         self._latest = [rig.goals.copy() for _ in range(3)]  # the latest targets, the last first
         self._recoveries, self._collected = rig.recoveries, 0
-        self._asked = self._measured_at = now  # when servos were asked last, and for what was measured last
+        self._asked_at = self._measured_at = now  # when servos were asked last, and for what was measured last
         self._rests = False  # whether the joints come to rest, whatever targets come
         envelope.start(rig.goals)
 
@@ -66,11 +67,13 @@ class RigGuard:
     @property
     def due(self) -> float:
         """When the next tick is due, s; targets that come change it."""
-        return max(self._come, self._ticked + _SHORTEST * self._period) if self._fresh and self._still else self._grid
+        if self._fresh and self._still:
+            return max(self._came_at, self._ticked_at + _SHORTEST * self._period)
+        return self._grid
 
     def receive(self, now: float) -> None:
         """Takes in what has come with targets: the stop at the deck, and what a reset there has released."""
-        self._come, self._fresh = now, True
+        self._came_at, self._fresh = now, True
         stop, targets = self.stop, self._targets
         door, wire = targets.released
         stop.pull(DECK, targets.stopped)
@@ -82,7 +85,7 @@ class RigGuard:
     def tick(self, now: float) -> None:
         """One tick, at a time of the machine's steady clock, s."""
         fresh, self._fresh = self._fresh, False
-        lost, self._ticked = round((now - self._ticked) / self._period) - 1, now
+        lost, self._ticked_at = round((now - self._ticked_at) / self._period) - 1, now
         if self.wired is not None:
             self.stop.watch(self.wired)
         fresh = fresh and now - self._targets.sent < MISSED * self._period
@@ -98,8 +101,8 @@ class RigGuard:
         try:
             if self._rig.collect_state():
                 self._collected += 1
-                self._measured_at = self._asked
-            self._asked = now
+                self._measured_at = self._asked_at
+            self._asked_at = now
             self._rig.write(self._next(fresh))
         except MotiondeckError as error:
             self.failure = str(error)
@@ -159,17 +162,17 @@ class RigGuard:
 
     def _move_grid(self, now: float, fresh: bool) -> None:
         """Sets the time of the next tick, a period on, and moves it towards when targets come."""
-        shift, waited = self._shift, (now - self._come) / self._period
+        shift, waited = self._shift, (now - self._came_at) / self._period
         if self._still and fresh:
             self._grid, shift = now + _MARGIN * self._period, 0.0
         elif not fresh:
-            self._least, shift = 0.0, _LATER if self._missed <= MISSED else 0.0
-        self._least = min(self._least, waited)
+            self._least_wait, shift = 0.0, _LATER if self._missed <= MISSED else 0.0
+        self._least_wait = min(self._least_wait, waited)
         self._ticks += 1
         if self._ticks == _WINDOW:
             # Half of what all targets of the window came too early, in the course of the next.
-            self._shift = -0.5 * max(0.0, self._least - _MARGIN) / _WINDOW
-            self._ticks, self._least = 0, 1.0
+            self._shift = -0.5 * max(0.0, self._least_wait - _MARGIN) / _WINDOW
+            self._ticks, self._least_wait = 0, 1.0
         self._grid += (1.0 + shift) * self._period
         if self._grid < now + _SHORTEST * self._period:  # the guard itself was late
             self._grid = now + self._period
