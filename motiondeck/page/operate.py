@@ -59,7 +59,7 @@ def deck_buttons(now: DeckSnapshot) -> list[CommandButton]:
     """The buttons of a deck in a state."""
     rests = now.paused or now.mode in ("home", "held")
     labels = {"switch": "Next", "resume" if rests else "pause": "", "home": "", "reset": "", "stop": "End run"}
-    following = [["switch", now.queue[0]], *_queued(now.queue[1:])] if now.queue else []
+    following = [["queue" if place else "switch", name] for place, name in enumerate(now.queue)]
     return [
         CommandButton(
             label or word.capitalize(),
@@ -76,10 +76,6 @@ def deck_cues(now: DeckSnapshot) -> list[CueRow]:
     rows = [CueRow("now", shown_motions(now))] + [CueRow("next", now.motion)] * begins
     for place, name in enumerate(now.queue):
         # A motion that is commanded clears the queue.
-        anew = [["switch", now.motion], *_queued(now.queue[:place] + now.queue[place + 1 :])]
+        anew = [["switch", now.motion], *(["queue", one] for one in now.queue[:place] + now.queue[place + 1 :])]
         rows.append(CueRow("next" if len(rows) == 1 else "", name, take_out=() if now.switching else anew))
     return rows
-
-
-def _queued(names: Sequence[str]) -> Commands:
-    return [["queue", name] for name in names]

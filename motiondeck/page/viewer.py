@@ -70,8 +70,8 @@ def view(state: Path, command_port: int | None, port: int) -> None:
                     last_tick, heard = latest["tick"][0], now
                     shown.show(picture(latest), now)
                 elif last_tick >= 0.0 and now - heard > SILENT:
-                    # The guard of a rig is another process.
-                    of, held = f"of the deck for {now - heard:.0f} s", "a rig is held, and a stop still reaches it"
+                    of = f"of the deck for {now - heard:.0f} s"  # the guard of a rig is another process
+                    held = "the rig is held; a stop still reaches it" if about.rig else "a stop acts once it goes on"
                     shown.panel.show_line(StateLine("NO ANSWER", of, held, FAULT))
                 if (hands := shown.hands) is not None and hands.recording:
                     # More states are published than pictures drawn.

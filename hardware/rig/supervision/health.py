@@ -68,38 +68,36 @@ class Incident(NamedTuple):
     """Something that happened to a joint or a port."""
 
     time: float  # on the port's clock, s
-    source: str  # the joint with its id, or the port
+    source: str  # the joint with its id, or its second servo that fell silent, or the port
     what: str
     fault: bool = True  # whether something is wrong; not where it was commanded, or is well again
-    silent: tuple[str, ...] = ()  # with one that fell silent: all of its port that did too, not those lost before
+    silent: tuple[str, ...] = ()  # with one that fell silent: all of its port that did, those lost before if all did
 
 
 class Health:
-    """The health of a rig's J joints."""
+    """The health of a rig's J joints, whose `servos` are measured one by one."""
 
-    def __init__(self, config: RigConfig, now: float) -> None:
-        count = len(config.joints)
+    def __init__(self, config: RigConfig, servos: Measurements, now: float) -> None:
+        count, self._servos, self._joint_of = len(config.joints), servos, np.array(config.joint_of)
         self.incidents: deque[Incident] = deque(maxlen=INCIDENTS_KEPT)  # the latest, in order of time
         # Joints that need setting up again, that cannot be mended, that the rig goes on without, and those of them that
         # were switched off on command, shape (J,).
         self.mend, self.fatal, self.lost, self.off = (np.zeros(count, dtype=np.bool_) for _ in range(4))
-        self._names = [joint.label for joint in config.joints]
+        self._names = [servo.label for servo in config.servos.joints]
         self._patience = config.patience
         self._strongest = np.full(count, np.nan)
         stall = np.array([TRAITS[joint.model].stall_current for joint in config.joints])
         self._idle_below = _IDLE_CURRENT * np.fmin([joint.current or np.inf for joint in config.joints], stall)
         self._opposed = _OPPOSED * stall
-        self._agreed = np.full((2, count), now)
-        self._parted, self._at_odds = (np.zeros(count, dtype=np.bool_) for _ in range(2))
+        self._agreed, self._heard = np.full((2, count), now), np.full(count, now)
+        self._parted, self._at_odds, self._missing, self._given_up = np.zeros((4, count), dtype=np.bool_)
         self._joined_at = np.full(count, -np.inf)
         self._grips = np.array([joint.grip for joint in config.joints])
         self._moved = np.array([min(_MOVED, 0.1 * joint.velocity) for joint in config.joints])
-        self._heard, self._read_at = np.full((2, count), now)
+        self._read_at, self._missed = servos.read_at.copy(), servos.missed_in_a_row > 0
         self._port_of = np.array([config.ports.index(joint.port or config.port) for joint in config.joints])
-        self._missing = np.zeros(count, dtype=np.bool_)
         self._anchor, self._anchored = np.full(count, np.inf), np.full(count, now)
         self._idle, self._was_idle = (np.zeros(count, dtype=np.bool_) for _ in range(2))
-        self._given_up = np.zeros(count, dtype=np.bool_)
         self._known = np.zeros((len(_KINDS), count), dtype=np.bool_)  # the incidents that last, as reported
         self._mended: list[deque[float]] = [deque(maxlen=_RESTLESS) for _ in range(count)]
         self._reason = [""] * count
@@ -154,7 +152,7 @@ class Health:
         new = self._known & ~known
         if np.logical_or.reduce(new, axis=None):
             self._report(new, measured, silence, now)
-        self._read_at[:] = measured.read_at
+        self._read_at[:], self._missed = self._servos.read_at, self._servos.missed_in_a_row > 0
         if np.logical_or.reduce(self.fatal):
             self._explain(measured, down, hot, silent, restless, apart)
 
@@ -172,7 +170,7 @@ class Health:
         """Goes on without the joints in `fatal`."""
         for index in np.flatnonzero(self.fatal).tolist():
             what = f"{self._reason[index]}; the rig goes on without it"
-            self.incidents.append(Incident(now, self._names[index], what))
+            self.incidents.append(Incident(now, self._name(index), what))
         self._given_up |= self.fatal & (self._was_idle | self._often_mended(now))
         self.lost |= self.fatal
         self.mend &= ~self.lost
@@ -186,7 +184,7 @@ class Health:
 
     def take_out(self, joint: int, now: float) -> None:
         """Goes on without a joint on command."""
-        self.incidents.append(Incident(now, self._names[joint], "was switched off on command", fault=False))
+        self.incidents.append(Incident(now, self._name(joint), "was switched off on command", fault=False))
         self.off[joint] = self.lost[joint] = True
         self.mend[joint] = False
 
@@ -207,7 +205,12 @@ class Health:
     @property
     def reasons(self) -> str:
         """Why the joints in `fatal` are lost, each named."""
-        return "; ".join(f"{self._names[index]} {self._reason[index]}" for index in np.flatnonzero(self.fatal).tolist())
+        return "; ".join(f"{self._name(index)} {self._reason[index]}" for index in np.flatnonzero(self.fatal).tolist())
+
+    def _name(self, joint: int) -> str:
+        """The label of the first servo of a joint, or of its second if that alone was silent when last looked at."""
+        own = np.flatnonzero(self._joint_of == joint)
+        return self._names[own[np.argmax(self._missed[own])]]
 
     def _often_mended(self, now: float) -> Mask:
         return np.array([len(times) == _RESTLESS and now - times[0] < _RESTLESS_WITHIN for times in self._mended])
@@ -225,13 +228,16 @@ class Health:
         returned = self.lost & well & ~self._given_up & ~self.off
         self.lost &= ~returned
         for index in np.flatnonzero(returned).tolist():
-            self.incidents.append(Incident(now, self._names[index], "answers again", fault=False))
+            self.incidents.append(Incident(now, self._name(index), "answers again", fault=False))
 
     def _report(self, new: Mask, measured: Measurements, silence: Array, now: float) -> None:
         for kind, index in zip(*(axis.tolist() for axis in np.nonzero(new)), strict=True):
-            quiet = (now - self._read_at > 0.5 * silence[index]) & (self._port_of == self._port_of[index]) & ~self.lost
-            with_it = tuple(self._names[one] for one in np.flatnonzero(quiet & (kind in (_SILENT, _BACK))).tolist())
-            self.incidents.append(Incident(now, self._names[index], _in_words(kind, measured, index), silent=with_it))
+            of_port = (self._port_of == self._port_of[index])[self._joint_of]
+            quiet = (now - self._read_at > 0.5 * silence[index]) & of_port & (kind in (_SILENT, _BACK))
+            others = quiet & ~self.lost[self._joint_of]
+            quiet = quiet if np.array_equal(others, of_port & ~self.lost[self._joint_of]) else others
+            with_it = tuple(self._names[one] for one in np.flatnonzero(quiet).tolist())
+            self.incidents.append(Incident(now, self._name(index), _in_words(kind, measured, index), silent=with_it))
 
     def _explain(
         self, measured: Measurements, down: Mask, hot: Mask, silent: Mask, restless: Mask, apart: Mask

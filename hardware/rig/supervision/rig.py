@@ -116,7 +116,8 @@ class Rig:
         self._join()
         self.goals = self.positions.copy()
         now = opened[0].bus.port.now()
-        self.pace, self.health = JointPace(config, RigScale(config), self.measured, now, spare), Health(config, now)
+        self.pace = JointPace(config, RigScale(config), self.measured, now, spare)
+        self.health = Health(config, by_servo, now)
         self._recoveries: list[PortRecovery] = []
         for port in opened:
             port.left_out, port.goals = self.health.lost, self.goals

@@ -56,8 +56,8 @@ class RigPanel:
         limp = self._off or not servos.torque[self._chosen]
         deeds = [["on", "Torque on"] if limp else ["off", "Torque off"], ["restart", "Restart"]]
         self._deeds.show([*deeds, ["registers", "Registers"], ["scan", "Scan ports"]])
-        name = html.escape(self.joint)
-        self._title.content = f'<div class="part"><b>{name}</b> <button data-plot="angle/{name}">Plot</button></div>'
+        name, plot = html.escape(self.joint.replace("_", " ")), f'data-plot="angle/{html.escape(self.joint)}"'
+        self._title.content = f'<div class="part"><b>{name}</b> <button {plot}>Plot</button></div>'
         self._summary.content = f'<div class="part" id="rig-summary">{_summary(self._servos, looks)}</div>'
         return looks
 
@@ -81,6 +81,7 @@ class RigPanel:
 
 
 def _summary(servos: Sequence[ServoDescription], looks: Sequence[ServoLook]) -> str:
-    wrong = [f"{servo.joint} {look.words}" for servo, look in zip(servos, looks, strict=True) if look.level != "ok"]
+    looked = zip((servo.joint.replace("_", " ") for servo in servos), looks, strict=True)
+    wrong = [f"{joint} {look.words}" for joint, look in looked if look.level != "ok"]
     more = f" and {len(wrong) - 3} more" if len(wrong) > 3 else ""
     return f"<b>{'; '.join(wrong[:3])}{more}</b>" if wrong else f"all {len(servos)} servos are well"

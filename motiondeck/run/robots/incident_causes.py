@@ -16,8 +16,7 @@ FOLLOWS = ("does not follow", "has lost its torque", *SILENT)  # what else comes
 FOLLOWS_WITHIN = 3.0  # s
 # By the beginning of an incident: what to check of one servo, and of several of a port at once.
 _CHECKS = {
-    "does not answer": ("its plug and cable", "their plugs and cables"),
-    "was cut off": ("its plug and cable", "their plugs and cables"),
+    **dict.fromkeys(SILENT, ("its plug and cable", "their plugs and cables")),
     "has lost its torque": ("its supply", "the supply"),
     "has a low supply voltage": ("supply and cable", "the supply"),
     "is getting hot": ("what it carries", "what they carry"),
@@ -67,7 +66,8 @@ def _text(port: str, kind: str, happened: Mapping[str, str], ports: Mapping[str,
         cause, check = f"{source} {what}", checks[0]
         if others:
             verb, _, rest = kind.partition(" ")
-            of_all = rest.replace("its target", "their targets").replace("without it", "without them")
+            of_all = rest.replace("its target", "their targets").replace("its", "their")
+            of_all = of_all.replace("without it", "without them")
             cause, check = f"{len(happened)} servos {_OF_SEVERAL.get(verb, verb)} {of_all}", checks[1]
     said = cause + (f". Check {check}." if check else "." * bool(others))
-    return said + f" Servos: {listed(source.partition(' ')[0] for source in happened)}" if others or not kind else said
+    return said + f" Servos: {listed(source.partition(' (')[0] for source in happened)}" if others or not kind else said

@@ -145,7 +145,7 @@ class RigOutput:
 
     def explain(self, new: Collection[str]) -> list[tuple[str, bool]]:
         """Some of them by their causes, with what to check, and whether each is a fault."""
-        ports = {joint.label: part.port for part in self.rig.config.parts for joint in part.joints}
+        ports = {joint.label: part.port for part in self.rig.config.parts for joint in part.servos.joints}
         return explained(self.rig.incidents, new, ports)
 
     def report(self) -> Mapping[str, object]:

@@ -6,6 +6,7 @@ from contextlib import closing, contextmanager
 import msgspec
 import pytest
 from playwright.sync_api import expect
+from test_alarms import apart
 from test_panel import SITUATIONS, state
 from test_panel_for_hands import CONTRAST, LEAST, LETTERS, MEASURE, MOTIONS, SIZES, VERDICTS
 
@@ -85,7 +86,7 @@ def test_a_button_has_the_commands_of_the_state_and_a_state_without_one_has_none
 
 @pytest.mark.thorough
 @pytest.mark.parametrize(("width", "height"), [(390, 844), (360, 740)])
-def test_a_phone_shows_an_alarm_with_all_of_its_remedy(browser, width, height):
+def test_a_phone_shows_an_alarm_with_all_of_its_remedy_and_has_room_for_motions(browser, width, height):
     with shown_panel() as (page, panel, _):
         tab = browser.new_page(viewport={"width": width, "height": height}, has_touch=True)
         tab.set_default_timeout(1000.0 * PATIENCE)
@@ -99,6 +100,10 @@ def test_a_phone_shows_an_alarm_with_all_of_its_remedy(browser, width, height):
 
             def seen_whole():
                 box, cause = (tab.locator(f".operate .alarm {part}").bounding_box() for part in ("> div", "span"))
+                scene, desk = (tab.locator(f".operate .{part}").bounding_box() for part in ("robot", "desk"))
+                assert desk["height"] > 0.3 * height
+                assert min(scene["width"], scene["height"]) > 0.3 * width
+                assert apart(scene, tab.locator(".operate .notices").bounding_box())
                 # A box of letters is a little higher than their line.
                 assert cause["y"] >= box["y"] - 2.0
                 assert cause["y"] + cause["height"] <= box["y"] + box["height"] + 2.0

@@ -35,7 +35,7 @@ from controller.wire.snapshot_numbers import SnapshotNumbers
 from controller.wire.telemetry import StateWriter
 from motiondeck.page.scene import Follower, facing
 from motiondeck.page.viewer import main
-from motiondeck.page.web.page_state import PageDescription, PictureArrays
+from motiondeck.page.web.page_state import PageDescription, PictureArrays, RigDescription
 from motiondeck_base.shipped import find_library
 from sim.models.mannequin.mannequin import build_mannequin
 from simulated_bodies import human
@@ -43,6 +43,7 @@ from waiting import free_port, until
 from web_pages import coarse
 
 MOTIONS = ["walk", "jog", "waltz"]
+NO_SERVOS = RigDescription([], 100.0, [])
 PATIENCE = 60.0  # s: a browser without a graphics card on a busy machine
 
 
@@ -347,8 +348,12 @@ def figure_box(page):
 
 
 @pytest.mark.thorough
-def test_a_deck_that_hangs_is_not_shown_as_playing(deck, browser):
-    port = free_port()
+@pytest.mark.parametrize(
+    ("rig", "held"),
+    [(None, "a stop acts once it goes on"), (NO_SERVOS, "the rig is held; a stop still reaches it")],
+)
+def test_a_deck_that_hangs_is_not_shown_as_playing_and_tells_of_a_rig_only_where_one_is(rig, held, tmp_path, browser):
+    deck, port = FakeDeck(tmp_path, rig=rig), free_port()
     viewer = start(deck, port)
     page = browser.new_page(viewport={"width": 940, "height": 500})
     try:
@@ -359,11 +364,13 @@ def test_a_deck_that_hangs_is_not_shown_as_playing(deck, browser):
         deck.hangs = True
         line.get_by_text(re.compile(r"of the deck for \d+ s")).wait_for()
         line.get_by_text("NO ANSWER").wait_for()
+        line.get_by_text(held, exact=True).wait_for()
         page.get_by_role("button", name="Emergency stop", exact=True).click()
         deck.hangs = False
         line.get_by_text("EMERGENCY STOP").wait_for()
     finally:
         end(viewer, page)
+        deck.end()
 
 
 @pytest.mark.thorough

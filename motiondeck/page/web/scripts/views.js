@@ -20,7 +20,10 @@ motiondeck.browser ??= (() => {
   function update() {
     const bar = document.querySelector(".view-switches");
     const scene = bar && document.querySelector("canvas")?.getBoundingClientRect();
-    if (scene) bar.style.right = `${innerWidth - scene.right + 10}px`; // beside the panel, however wide that is
+    if (scene && root.dataset.view !== "operate") { // what stands over the scene is between the panels, however wide they are
+      root.style.setProperty("--scene-left", `${scene.left}px`);
+      root.style.setProperty("--scene-right", `${innerWidth - scene.right}px`);
+    }
     known ||= Boolean(document.querySelector('[data-part="operate"]'));
     const locked = known && kept("locked") === "yes";
     const view = [chosen.view, asked, kept("view"), hand ? "operate" : ""].find((one) => ["operate", "inspect"].includes(one));

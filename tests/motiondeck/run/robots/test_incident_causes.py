@@ -3,6 +3,7 @@
 from collections import Counter
 from types import SimpleNamespace
 
+import msgspec
 import numpy as np
 import pytest
 from hypothesis import given
@@ -14,6 +15,7 @@ from controller.motion.skeleton import Pose
 from hardware.bus.servo_bus import Bus
 from hardware.emulator.bus import EmulatedBus
 from hardware.rig.rig_file import load_rig
+from hardware.rig.rig_joint import SecondServo
 from hardware.rig.supervision.health import Incident
 from hardware.rig.supervision.rig import Rig
 from motiondeck.run.report import RunNews
@@ -96,6 +98,8 @@ def test_several_servos_of_a_cause_are_told_in_a_sentence():
     names = [*PORTS][:2]
     low = told([Incident(0.0, name, "has a low supply voltage: 8.1 V") for name in names])
     assert low == [("2 servos have a low supply voltage. Check the supply. Servos: l_hip, l_knee", True)]
+    limp = told([Incident(0.0, name, "has lost its torque or restarted") for name in names])
+    assert limp[0][0].startswith("2 servos have lost their torque or restarted. Check the supply.")
     without = "does not follow its target; the rig goes on without it"
     assert told([Incident(0.0, name, without) for name in names]) == [
         ("2 servos do not follow their targets; the rig goes on without them. Servos: l_hip, l_knee", True)
@@ -122,8 +126,8 @@ TICK = 0.01
 class Played:
     """A rig of twenty servos that is played, and the events of its run, each with its time."""
 
-    def __init__(self):
-        config = load_rig(find_rig("servo20"))
+    def __init__(self, config=None):
+        config = config or load_rig(find_rig("servo20"))
         self.line = Line(EmulatedBus(config))
         rig = Rig(config, lambda part: Bus(self.line, part.baud), beside=False, sleep=self.line.elapse)
         self.output = RigOutput(rig, rig.names, 1.0 / TICK)
@@ -206,3 +210,44 @@ def test_servos_cut_off_for_a_moment_are_told_as_such_and_not_as_their_port():
     assert run.faults
     assert all("5 of 20 servos of /dev/ttyUSB0 stopped answering" in text for text in run.faults[-1:])
     assert "was silent" not in str(run.faults)
+
+
+@pytest.mark.parametrize(
+    ("dead", "told"),
+    [
+        ([38], "l_knee's second servo (id 38) does not answer. Check its plug and cable."),
+        ([18], "l_knee (id 18) does not answer. Check its plug and cable."),
+        ([18, 38], "{} Check the cable to their branch. Servos: l_knee, l_knee's second servo"),
+        (
+            [38, 19, 20],
+            "{} Check the cable after l_knee (id 18). Servos: l_knee's second servo, l_ankle_pitch, l_ankle_roll",
+        ),
+        ([19, 20], "{} Check the cable after l_knee's second servo (id 38). Servos: l_ankle_pitch, l_ankle_roll"),
+    ],
+)
+def test_servos_are_counted_and_not_joints_where_two_turn_one(dead, told):
+    config = load_rig(find_rig("servo20"))
+    joints = [
+        msgspec.structs.replace(one, second=SecondServo(one.id + 20, -one.direction, one.zero))
+        if one.id in (1, 13, 18)
+        else one
+        for one in config.joints
+    ]
+    run = Played(msgspec.structs.replace(config, joints=tuple(joints)))
+    for number in dead:
+        run.line.bus[number].dead = True
+    run.play(1.2)
+    count = f"{len(dead)} of 23 servos of /dev/ttyUSB0 stopped answering."
+    assert [text.removeprefix("rig: ") for text in run.faults[-1:]] == [told.format(count)]
+
+
+def test_a_port_is_silent_when_all_servos_are_that_were_not_lost_before():
+    run = Played(msgspec.structs.replace(load_rig(find_rig("servo20")), on_loss="go on"))
+    run.line.bus[18].dead = True
+    run.play(3.0)
+    assert "goes on without it" in run.faults[-1]
+    run.line.silent = True
+    run.play(0.6)
+    run.line.silent = False
+    run.play(1.0)
+    assert run.faults[-1].startswith("rig: the port /dev/ttyUSB0 was silent. Check adapter, cable and supply.")
