@@ -195,18 +195,18 @@ class PtyServer:
         os.set_blocking(self._master, False)
         if self._link is not None:
             try:
-                if self._link.is_symlink():
-                    self._link.unlink()
+                if not self._link.exists():
+                    self._link.unlink(missing_ok=True)  # of an emulator that was killed
                 self._link.symlink_to(os.ttyname(self._slave))
             except OSError as error:
                 self._unplug()
-                raise SerialPortError(f"cannot make the link {self._link}: {error.strerror}. Name another.") from error
+                raise SerialPortError(f"no link {self._link}: {error.strerror}. Remove it or name another.") from error
 
     def _unplug(self) -> None:
-        # Before the terminal is gone: the next one of the machine, somebody else's, may get its number.
-        if self._link is not None and self._link.is_symlink():
-            self._link.unlink(missing_ok=True)
         if self._master >= 0:
+            # Before the terminal is gone: the next one of the machine, somebody else's, may get its number.
+            if self._link and self._link.is_symlink() and str(self._link.readlink()) == os.ttyname(self._slave):
+                self._link.unlink()
             os.close(self._master)
             os.close(self._slave)
             self._master = self._slave = -1

@@ -61,10 +61,10 @@ def calibrate(
                 if new.through_turns:
                     keep_turns(new, bus, TurnFile.of_port(own.port), sweep.turns)
     except KeyboardInterrupt:
-        print(f"\nmotiondeck: {_continues(part)}", file=sys.stderr)
+        print(f"\nmotiondeck: ended by Ctrl-C.{_continues(part)}", file=sys.stderr)
         raise typer.Exit(130) from None
     except (SerialPortError, ServoError) as error:
-        raise type(error)(f"{error} {_continues(part)}") from error
+        raise type(error)(f"{error}{_continues(part)}") from error
     save_rig(found, out)
     part.unlink(missing_ok=True)
     for note in notes:
@@ -73,7 +73,7 @@ def calibrate(
 
 
 def _continues(part: Path) -> str:
-    return f"Measurements are kept in {part}: the same command continues from there." if part.exists() else ""
+    return f" Measurements are kept in {part}: the same command continues from there." if part.exists() else ""
 
 
 def _measure(sweep: Sweep, parts: list[tuple[RigConfig, Bus]], part: Path, typed: LineInput) -> None:

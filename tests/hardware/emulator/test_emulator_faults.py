@@ -227,3 +227,15 @@ def test_the_command_line_emulates_scans_and_stops(servo20_file, tmp_path):
         emulator.stderr.close()
     assert emulator.returncode == 143
     assert not link.is_symlink()
+
+
+def test_the_name_of_another_adapter_is_left_to_it(rig_of_four, tmp_path):
+    link = tmp_path / "rig"
+    link.symlink_to(tmp_path / "gone")  # of an emulator that was killed
+    first = PtyServer(EmulatedBus(rig_of_four), link=link)
+    place = link.readlink()
+    with pytest.raises(SerialPortError, match=r"no link .*rig: File exists\. Remove it or name another\."):
+        PtyServer(EmulatedBus(rig_of_four), link=link)
+    assert link.readlink() == place
+    first.close()
+    assert not link.is_symlink()

@@ -90,6 +90,7 @@ def interrupt():
 
 def test_ranges_are_kept_over_a_pulled_cable_and_ctrl_c(calibrate, tmp_path):
     part, out = tmp_path / "my.toml.part", tmp_path / "my.toml"
+    assert calibrate(interrupt)[0].stderr == "\nmotiondeck: ended by Ctrl-C.\n"  # before anything was measured
     result, asked = calibrate("", "", ("hands", "move pan 1.1 in 0.2", 0.3), calibrate.port.unplug, ("hands", "", 0.1))
     assert result.exit_code == 1
     assert "the same command continues from there" in str(result.exception)
