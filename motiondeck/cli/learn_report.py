@@ -84,7 +84,7 @@ def report_recordings(
     for other in learned.actors[1:]:
         print(
             f"body: {other.actor} ({counted(other.motions, 'motion')}) has another, which moves wrists by up to "
-            f"{other.hands_mm:.0f} mm; learned apart, they stay"
+            f"{other.hands_mm:.0f} mm; in a library of their own they stay"
         )
     if worst is not None:
         print(libraries.join_line(worst))

@@ -137,7 +137,8 @@ def _verdicts(spec: RunSpec, session: Session) -> str:
     if first not in verdicts:
         command = f"motiondeck preflight {spec.library} --robot {session.spec.robot}"
         return f"which motions {robot} can play is not known yet; this finds out: {command}"
-    return f"{session.played.name} on {robot}: {summed(verdicts.values())}. {first}: {verdicts[first].words}"
+    judged = f"{len(verdicts)} judged: {summed(verdicts.values())}. {first}: {verdicts[first].words}"
+    return f"{session.played.name} on {robot}, {judged}"
 
 
 def play_again(

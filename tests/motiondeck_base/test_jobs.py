@@ -19,7 +19,7 @@ from controller.library.motion_library import save_library
 from controller.motion.clip import Clip
 from controller.motion.formats.writing import bvh_text, write_clip
 from motiondeck_base.errors import MotiondeckError
-from motiondeck_base.jobs import ALONE, Jobs, spread
+from motiondeck_base.jobs import ALONE, Jobs, _on_cluster, spread
 from sim.robots.retarget_files import MANIFEST, retarget_files
 from simulated_bodies import bent_pose, human
 from small_robots import calibrated, humanoid
@@ -159,7 +159,7 @@ def test_few_tasks_are_made_before_they_are_needed(jobs):
             made.append(number)
             yield delayed(refuses)(10 * number)
 
-    results = spread(tasks(), jobs)
+    results = _on_cluster(tasks(), jobs.cluster)  # as they come: of `spread` the first may come after many others
     next(results)
     results.close()
     assert len(made) <= 12

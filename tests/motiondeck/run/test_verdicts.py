@@ -135,7 +135,7 @@ def test_the_words_are_the_same_at_preflight_library_page_and_play(judged):
     play = ("play", "--library", library, "--robot", robot, "--kinematic", "--headless", "--command-port", "0")
     run = motiondeck(*play, "--script", "march 0.05, wave 0.05")
     sums = "1 play, 1 at a slower tempo, 1 do not fit"
-    assert f"small on mannequin: {sums}. march: {WORDS['march']}" in run.stderr
+    assert f"small on mannequin, 3 judged: {sums}. march: {WORDS['march']}" in run.stderr
     assert f"march: {WORDS['march']}" in run.stdout
     run = motiondeck(*play, "march", "--seconds", "0.05", "--json")
     assert json.loads(run.stdout)["verdicts"] == [rows["march"]]
