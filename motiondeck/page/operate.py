@@ -58,16 +58,15 @@ class Operate:
 def deck_buttons(now: DeckSnapshot) -> list[CommandButton]:
     """The buttons of a deck in a state."""
     rests = now.paused or now.mode in ("home", "held")
-    labels = {"switch": "Next", "resume" if rests else "pause": "", "home": "", "reset": "", "stop": "End run"}
     following = [["queue" if place else "switch", name] for place, name in enumerate(now.queue)]
-    return [
-        CommandButton(
-            label or word.capitalize(),
-            () if now.mode not in BY_WORD[word].modes else following if word == "switch" else [[word]],
-            held=word in ("reset", "stop"),
-        )
-        for word, label in labels.items()
+    buttons = [
+        ("switch", CommandButton("Next", following)),
+        ("resume", CommandButton("Resume", [["resume"]])) if rests else ("pause", CommandButton("Pause", [["pause"]])),
+        ("home", CommandButton("Home", [["home"]])),
+        ("reset", CommandButton("Reset", [["reset"]], held=True)),
+        ("stop", CommandButton("End run", [["stop"]], held=True)),
     ]
+    return [one if now.mode in BY_WORD[word].modes else one._replace(commands=()) for word, one in buttons]
 
 
 def deck_cues(now: DeckSnapshot) -> list[CueRow]:

@@ -46,13 +46,13 @@ def view_choices(
     with gui.add_folder("view", expand_by_default=False):
         hint = "The pose that the network plays"
         humans = gui.add_dropdown("human", WAYS, hint=hint) if about.human is not None else None
-        boxes = (
-            gui.add_checkbox("target pose", False, hint=TARGET) if "target" in about.shapes else None,
-            gui.add_checkbox("network", False, hint=NETWORK) if about.network_file else None,
-            gui.add_checkbox("footprints and contacts", False) if about.walks else None,
-            gui.add_checkbox("contact forces", False, hint=FORCES) if about.weight is not None else None,
-            gui.add_checkbox("camera follows", True) if about.walks else None,
-        )
+        boxes = {
+            "target": gui.add_checkbox("target pose", False, hint=TARGET) if "target" in about.shapes else None,
+            "network": gui.add_checkbox("network", False, hint=NETWORK) if about.network_file else None,
+            "steps": gui.add_checkbox("footprints and contacts", False) if about.walks else None,
+            "forces": gui.add_checkbox("contact forces", False, hint=FORCES) if about.weight is not None else None,
+            "follows": gui.add_checkbox("camera follows", True) if about.walks else None,
+        }
         cameras = gui.add_button_group("camera", tuple(CAMERAS))
 
     @cameras.on_click
@@ -62,7 +62,7 @@ def view_choices(
 
     def chosen() -> View:
         human = str(humans.value) if humans is not None else WAYS[0]
-        return View(human, *(box is not None and bool(box.value) for box in boxes))
+        return View(human, **{name: box is not None and bool(box.value) for name, box in boxes.items()})
 
     return chosen
 

@@ -77,22 +77,22 @@ class Readings:
         """
         self.measured = measured  # of the whole rig
         self._joint_of = np.array(config.joint_of)
-        config = config.servos
+        servos = config.servos
         self._scale = scale
         self._faults = faults
-        self._ids = [joint.id for joint in config.joints]
-        self._several = bool(config.through_turns)
-        self._hurry = _HURRY * np.array([joint.velocity for joint in config.joints])
-        self._seen_at = np.zeros(len(config.joints))
+        self._ids = [joint.id for joint in servos.joints]
+        self._several = bool(servos.through_turns)
+        self._hurry = _HURRY * np.array([joint.velocity for joint in servos.joints])
+        self._seen_at = np.zeros(len(servos.joints))
         self._line_of_all = tuple(joints)
-        self._all = slice(None) if len(joints) == len(config.joints) else np.array(joints, dtype=np.int64)
-        self._tables = [joint.table for joint in config.joints]
+        self._all = slice(None) if len(joints) == len(servos.joints) else np.array(joints, dtype=np.int64)
+        self._tables = [joint.table for joint in servos.joints]
         self._problems: NDArray[np.uint8] | None = None  # by joint and error bits, where they are not the usual ones
         if any(bit != own for table in self._tables for bit, own in table.series.problems.items()):
             usual = [[table.series.usual_problems(bits) for bits in range(256)] for table in self._tables]
             self._problems = np.array(usual, dtype=np.uint8)
         self._index = {self._ids[index]: index for index in self._line_of_all}
-        self._everything = [everything(joint.table) for joint in config.joints]
+        self._everything = [everything(joint.table) for joint in servos.joints]
         self._blocks = list(self._everything)
         self._without_health: list[int] = []
         self._cached: dict[tuple[tuple[int, ...], frozenset[int]], Request] = {}
@@ -100,7 +100,7 @@ class Readings:
         self._alerted: set[int] = set()
         self._asked: Request | RegisterReading | None = None  # what the next reply answers
         self.register_readings: deque[RegisterReading] = deque()  # servos whose registers are to be read, in order
-        self._rotation = _rotation(config, self._line_of_all)
+        self._rotation = _rotation(servos, self._line_of_all)
         self._ask_again = round(_ASK_AGAIN * (config.read_hz or config.rate_hz))  # requests
 
     def start(self, joints: Sequence[int], positions: Array, blocks: Sequence[StateBlock], now: float) -> None:
@@ -283,9 +283,9 @@ class Readings:
         return tuple(good + doubtful + again)
 
 
-def _rotation(config: RigConfig, joints: Sequence[int]) -> list[NDArray[np.int64]]:
+def _rotation(servos: RigConfig, joints: Sequence[int]) -> list[NDArray[np.int64]]:
     """The joints of each request, which repeat in this order."""
-    tables = {index: config.joints[index].table for index in joints}
+    tables = {index: servos.joints[index].table for index in joints}
     groups: dict[Family, list[int]] = {}
     for index, table in tables.items():
         if table.series.bulk_reads:

@@ -299,15 +299,15 @@ def longest_tick(config: RigConfig, blocks: Sequence[StateBlock], fast: bool, ow
     during a reply destroy both. For the block read of each joint and the return delay of its servo, s; `fast` if servos
     may answer in a joint reply.
     """
-    config = config.servos
-    count = len(config.joints)
-    readings = Readings(config, range(count), RigScale(config), Measurements(count), RigFaults.none(count))
+    servos = config.servos
+    count = len(servos.joints)
+    readings = Readings(servos, range(count), RigScale(servos), Measurements(count), RigFaults.none(count))
     readings.start(range(count), np.zeros(count), blocks, 0.0)
-    writes = [write for name in _WRITTEN for write in _writes(config, name, np.arange(count), count)]
+    writes = [write for name in _WRITTEN for write in _writes(servos, name, np.arange(count), count)]
     written = len(_frames(writes, np.zeros(count)))
     longest = 0.0
     for request in readings.every_request():
-        read = config.joints[request.joints[0]].table.family.group_read(request.blocks, fast)
+        read = servos.joints[request.joints[0]].table.family.group_read(request.blocks, fast)
         delays = [own_delays[index] for index in request.joints]
         answered_after = max(delays) if read.fast else sum(delays)
         longest = max(longest, 10.0 * (written + len(read.frame) + read.needed) / config.baud + answered_after)

@@ -63,29 +63,28 @@ class PortRecovery:
 
     def _recover(self, patience: float) -> None:
         port = self.port
-        bus = None if port.gone else port.bus
+        gone = port.gone
         waited, began = 0.0, port.bus.port.now()
         to_do, self.to_do = self.to_do, None
         while not self.cancelled:
             try:
-                if bus is None:
+                if gone:
                     port.bus.close()
                     # Given to the port at once, so that `close` always switches off over the port that is open.
-                    port.bus = bus = self._open_bus()
-                    bus.families = port.part.families
+                    port.bus, gone = self._open_bus(), False
+                    port.bus.families = port.part.families
                 if to_do is not None:
                     do, to_do = to_do, None
-                    do(bus)
+                    do(port.bus)
                 places = np.flatnonzero(~self._health.lost[port.joints]).tolist()
                 alive = port.part.only(places).servos
                 own = [port.servos.names.index(name) for name in alive.names]
-                held = resume(alive, bus, port.believed[:, own], SLOWER, lambda: self.cancelled)
+                held = resume(alive, port.bus, port.believed[:, own], SLOWER, lambda: self.cancelled)
                 self._recovered = port.prepare(alive, port.rows[own].tolist(), held)
                 return
             except MotiondeckError as error:
                 self.failure = error
-                if isinstance(error, SerialPortError):
-                    bus = None
+                gone = gone or isinstance(error, SerialPortError)
             except Exception as error:  # whatever ends the thread must reach the loop
                 self.failure = RigError(f"{type(error).__name__}: {error}")
                 return

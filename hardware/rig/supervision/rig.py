@@ -118,13 +118,12 @@ class Rig:
         now = opened[0].bus.port.now()
         self.pace = JointPace(config, RigScale(config), self.measured, now, spare)
         self.health = Health(config, by_servo, now)
-        self._recoveries: list[PortRecovery] = []
+        self._port_recoveries: list[PortRecovery] = []
         for port in opened:
             port.left_out, port.goals = self.health.lost, self.goals
             if port.part.through_turns and port.turns is not None:
-                report = partial(self._note_port, port)
-                self.turn_keepers.append(TurnKeeper(port, port.turns, report))
-            self._recoveries.append(PortRecovery(port, self.health, partial(open_bus, port.part), beside, sleep))
+                self.turn_keepers.append(TurnKeeper(port, port.turns, partial(self._note_port, port)))
+            self._port_recoveries.append(PortRecovery(port, self.health, partial(open_bus, port.part), beside, sleep))
         self._keeping = KeeperThread(self.turn_keepers if beside else [])
 
     @classmethod
@@ -172,7 +171,7 @@ class Rig:
         A target beyond a limit stops there, one that is NaN or infinite leaves the joint's goal; both are counted.
         """
         ready = self._ready()
-        for recovery in self._recoveries:
+        for recovery in self._port_recoveries:
             if self._stopped or recovery.under_way:
                 self.faults.unsent[recovery.port.joints] += 1
         if not ready:
@@ -284,12 +283,12 @@ class Rig:
 
         RigError if a servo is silent just now, or something else is being done: holding could then end the run.
         """
-        if self._stopped or any(recovery.under_way or recovery.to_do is not None for recovery in self._recoveries):
+        if self._stopped or any(recovery.under_way or recovery.to_do is not None for recovery in self._port_recoveries):
             raise RigError("the rig is busy with its servos. Try again.")
         if np.logical_or.reduce((self.measured.missed_in_a_row > 0) & ~self.health.lost):
             raise RigError("a servo does not answer just now. Try again when the rig has recovered or given up on it.")
-        scan = PortScan(self.config.servos, len(self._recoveries))
-        for recovery in self._recoveries:
+        scan = PortScan(self.config.servos, len(self._port_recoveries))
+        for recovery in self._port_recoveries:
             recovery.to_do = partial(scan.ask, recovery.port.servos)
         return scan
 
@@ -297,10 +296,10 @@ class Rig:
         """Switches off, or holds, as the rig file asks or as given; returns the joints that did not confirm it."""
         self._stopped = True
         self._keeping.stop()
-        for recovery in self._recoveries:
+        for recovery in self._port_recoveries:
             recovery.cancelled = True
         try:
-            for recovery in self._recoveries:
+            for recovery in self._port_recoveries:
                 recovery.wait()
         finally:
             unconfirmed = close_all(self._all_ports(), hold=hold)
@@ -311,20 +310,20 @@ class Rig:
             self._joined.update()
 
     def _now(self) -> float:
-        return self._recoveries[0].port.bus.port.now()
+        return self._port_recoveries[0].port.bus.port.now()
 
     def _all_ports(self) -> list[ServoPort]:
-        return [recovery.port for recovery in self._recoveries]
+        return [recovery.port for recovery in self._port_recoveries]
 
     def _recovery_of(self, joint: int) -> PortRecovery:
-        return next(recovery for recovery in self._recoveries if joint in recovery.port.joints)
+        return next(recovery for recovery in self._port_recoveries if joint in recovery.port.joints)
 
     def _ready(self) -> list[PortRecovery]:
         """The ports in use; takes back those whose recovery is over, and raises RigError where it has failed."""
         if self._stopped:
             return []
         ready: list[PortRecovery] = []
-        for recovery in self._recoveries:
+        for recovery in self._port_recoveries:
             if recovery.under_way and recovery.over:
                 self._take_back(recovery)
             if not recovery.under_way:
@@ -378,8 +377,8 @@ class Rig:
 
     def _look_after(self) -> None:
         """Eases hot joints, has joints recovered, and stops the rig (RigError) for a lost one or goes on without it."""
-        recovering = [recovery.port.joints for recovery in self._recoveries if recovery.under_way]
-        if len(recovering) == len(self._recoveries):
+        recovering = [recovery.port.joints for recovery in self._port_recoveries if recovery.under_way]
+        if len(recovering) == len(self._port_recoveries):
             return
         health, measured, now = self.health, self.measured, self._now()
         self.pace.strain.note(measured.currents, now, measured.alone)
@@ -394,7 +393,7 @@ class Rig:
         held_on = health.off & measured.torque
         if np.logical_or.reduce(held_on):
             self._loosen(held_on)
-        for recovery in self._recoveries:
+        for recovery in self._port_recoveries:
             wanted = recovery.to_do is not None or np.logical_or.reduce(health.mend[recovery.port.joints])
             if wanted and not recovery.under_way:
                 recovery.start(_RECOVERED_WITHIN)
@@ -405,7 +404,7 @@ class Rig:
         return bool(fatal.any() and (fatal | lost).all())
 
     def _loosen(self, joints: NDArray[np.bool_]) -> None:
-        for recovery in self._recoveries:
+        for recovery in self._port_recoveries:
             if not recovery.under_way:
                 try:
                     recovery.port.loosen(joints)

@@ -56,7 +56,7 @@ class GuardService:
         if isinstance(rig, BoardRig):
             rig.is_stopped = lambda: self.guard.stop.stopped
         self._asked: dict[int, RegisterReading | PortScan] = {}  # what servos have not answered yet, by its number
-        self._incidents: Incident | None = None
+        self._last_incident: Incident | None = None  # that the deck was told of
         self._reported_failure = ""
         self.closing = self.stopped = False  # whether the deck, or a signal, has asked for the end
 
@@ -129,9 +129,9 @@ class GuardService:
                 del self._asked[number]
                 link.send(messages.ServoAnswer(number, reply))
         incidents = self._rig.incidents
-        if incidents and incidents[-1] is not self._incidents:
-            new = [*itertools.takewhile(lambda one: one is not self._incidents, reversed(incidents))]
-            self._incidents = incidents[-1]
+        if incidents and incidents[-1] is not self._last_incident:
+            new = [*itertools.takewhile(lambda one: one is not self._last_incident, reversed(incidents))]
+            self._last_incident = incidents[-1]
             for incident in reversed(new):
                 link.send(messages.IncidentNote(incident))
         if guard.failure != self._reported_failure:
