@@ -118,7 +118,8 @@ def recordings(data: Path, source: str) -> list[Path]:
 def training_set(data: Path, source: str) -> TrainingSet:
     """What the networks learn of a source; recordings that cannot be used are named."""
     if source in ("thesis15", "cmu86"):
-        return prepare(read_recipe(shipped_configs() / "libraries" / f"{source}.toml"), data)
+        folder = data / "cmu" if source == "cmu86" else data
+        return prepare(read_recipe(shipped_configs() / "libraries" / f"{source}.toml"), folder)
     if source == "long":
         clip = read_clip(data / "cmu" / "86" / "86_01.amc")
         encoding = encoding_of(clip.skeleton)

@@ -15,7 +15,7 @@ from controller.motion.skeleton import Skeleton
 from controller.networks.reservoirs.completion import Completion, LiveCompletion
 
 SMOOTHED = 0.2  # s, time constant of the line
-TEMPOS, NOISE, LOST = (0.5, 1.0, 2.0), 0.02, 0.25  # of what it is taught; m, and the share of frames
+STAND, NOISE, LOST = 20, 0.02, 0.25  # of what it is taught: steps for which it stands, m, and the share of frames
 HELD = 0.5  # s for which a point that is not seen counts as where it was
 
 Learn = Callable[[Sequence[tuple[Array, Array]], float], Completion]
@@ -45,17 +45,19 @@ class PersonBody:
     def __init__(self, points: Sequence[str], courses: Sequence[tuple[Array, Array]], learn: Learn) -> None:
         self._pairs, examples = np.array(paired(points)).T, list[tuple[Array, Array]]()
         rng = np.random.default_rng(0)
-        for tempo, (places, rows) in ((tempo, course) for tempo in TEMPOS for course in courses):
-            at = np.arange(0.0, len(rows) - 1.0, tempo)
-            seen, whole = (between_rows(x.reshape(len(x), -1), np.arange(len(x)), at) for x in (places, rows))
-            measured = seen.reshape(len(at), -1, 3) + NOISE * rng.standard_normal((len(at), len(points), 3))
-            measured[1:][rng.random(len(at) - 1) < LOST] = np.nan
-            self._begin(len(points))
-            seen = [(self._seen(one), *self._frame) for one in measured]
-            rows = whole.reshape(len(at), -1, 3)
-            rows[:, 1] -= [middle for _, middle, _ in seen]
-            rows = rotate(yaw(np.array([-angle for _, _, angle in seen]))[:, None], rows)
-            examples.append((np.array([one for one, _, _ in seen]), rows.reshape(len(at), -1)))
+        for places, rows in courses:  # there and back, once with a stand on the way, and at twice the tempo
+            there, stand = np.arange(len(rows) - 1.0), rng.integers(len(rows) - 1)
+            back = np.concatenate([there, there[-1:].repeat(STAND), there[::-1]])
+            for at in (back, np.sort(np.append(there, np.full(STAND, stand))), there[::2]):
+                seen, whole = (between_rows(x.reshape(len(x), -1), np.arange(len(x)), at) for x in (places, rows))
+                measured = seen.reshape(len(at), -1, 3) + NOISE * rng.standard_normal((len(at), len(points), 3))
+                measured[1:][rng.random(len(at) - 1) < LOST] = np.nan
+                self._begin(len(points))
+                frames = [(self._seen(one), *self._frame) for one in measured]
+                given, middles, angles = (np.array(each) for each in zip(*frames, strict=True))
+                body = whole.reshape(len(at), -1, 3)
+                body[:, 1] -= middles
+                examples.append((given, rotate(yaw(-angles)[:, None], body).reshape(len(at), -1)))
         self._begin(len(points))
         self._learned = learn(examples, RATE)
         self._live: LiveCompletion | None = None
@@ -67,9 +69,8 @@ class PersonBody:
             self._live = None
             return None
         self._live = self._live or self._learned.follow(seen)
-        middle, angle = self._frame
-        rows = rotate(yaw(angle), self._live.step(seen).reshape(-1, 3))
-        rows[1] += middle
+        rows = rotate(yaw(self._frame[1]), self._live.step(seen).reshape(-1, 3))
+        rows[1] += self._frame[0]
         return rows
 
     def _begin(self, count: int) -> None:

@@ -37,7 +37,7 @@ PLACE, MOVED, UP = 0.1, 0.04, 2.0  # m; how much heights count
 NEW, CHANGE = 0.01, 0.15  # a step
 ABOUT, KEPT_FROM = 8, 0.02  # frames about the likeliest one that belong to it; its share of the likelihood
 OWN, MOST_OWN = 2.0, 0.15  # s, and m at most
-FITS, STANDS = 0.33, 1.5  # of `share`, by the number K of points: m; of the probability of standing
+FITS, STANDS = 0.28, 2.0  # of `share`, by the number K of points: m; of the probability of standing
 
 
 @dataclass(frozen=True, slots=True)
