@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from playwright.sync_api import expect
-from test_viewer import FakeDeck, end, figure_box, open_inspect, reachable, start
+from test_viewer import NO_SERVOS, FakeDeck, end, figure_box, open_inspect, reachable, start
 
 from controller.wire.messages.replies import Event
 from motiondeck.page.alarms import NOTICE_SECONDS, Notices
@@ -89,9 +89,16 @@ def apart(one, other):
     )
 
 
+SEEN_WHOLE = """() => {
+  const alarm = document.querySelector(".notices .alarm"), { left, right, top, bottom } = alarm.getBoundingClientRect();
+  const corners = [left + 12, right - 12].flatMap((x) => [top + 6, bottom - 6].map((y) => [x, y]));
+  return corners.every(([x, y]) => alarm.contains(document.elementFromPoint(x, y)));
+}"""
+
+
 @pytest.mark.thorough
 def test_one_notice_covers_neither_body_nor_stop_and_is_acknowledged_in_all_browsers(tmp_path, browser):
-    deck, port, pages = FakeDeck(tmp_path), free_port(), []
+    deck, port, pages = FakeDeck(tmp_path, rig=NO_SERVOS), free_port(), []  # its panel is beside the scene
     viewer = start(deck, port)
     try:
         until(lambda: reachable(port), "the page")
@@ -114,6 +121,7 @@ def test_one_notice_covers_neither_body_nor_stop_and_is_acknowledged_in_all_brow
             line = page.locator(".notices").bounding_box()
             assert apart(line, body)
             assert apart(line, stop)
+            page.wait_for_function(SEEN_WHOLE)
         pages[1].get_by_role("button", name="Acknowledge (1 more)").click()
         for page in pages:
             page.locator(".notices").get_by_text(KNEE).wait_for()
