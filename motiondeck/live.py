@@ -173,11 +173,9 @@ class LiveDeck(DeckCommands[CommandedMotion]):
 
     def _has_ended(self, timeout: float | None) -> bool:
         """Waits up to `timeout` seconds for the end, without a limit if None; whether the deck has ended."""
-        try:
+        with contextlib.suppress(subprocess.TimeoutExpired):
             self._process.wait(timeout)  # the report is read by the thread meanwhile
-        except subprocess.TimeoutExpired:
-            return False
-        return True
+        return self._process.returncode is not None
 
     def _end(self) -> None:
         """Waits for the process and takes its report; it is killed if it does not end. May be called twice."""

@@ -59,9 +59,10 @@ class UnknownNameError(MotiondeckError):
 
     @classmethod
     def among(cls, kind: str, name: str, known: Iterable[str]) -> Self:
-        """The error for `name`, which is no known `kind`, with the nearest known names or else all of them."""
+        """The error for `name`, which is no known `kind`, with the nearest known names or else the first 20."""
         names = list(known)
-        return cls(f"unknown {kind} '{name}'." + (did_you_mean(name, names) or f" There are: {', '.join(names)}."))
+        some = ", ".join(names if len(names) <= 20 else [*names[:20], "..."])
+        return cls(f"unknown {kind} '{name}'." + (did_you_mean(name, names) or f" There are: {some}."))
 
     @classmethod
     def check(cls, kind: str, name: str, known: Collection[str], place: str = "") -> None:

@@ -11,6 +11,7 @@ that has killed several processes, and keeps large arguments on one worker only,
 import itertools
 import os
 import re
+import signal
 import sys
 import threading
 import time
@@ -18,6 +19,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import version
+from multiprocessing import resource_tracker
 from typing import Any, Self
 
 from joblib import Parallel, delayed
@@ -60,10 +62,18 @@ def spread(tasks: Iterable[Task], jobs: Jobs) -> Iterator[Any]:
     MotiondeckError if the cluster cannot be used, or gave a task up; what a task raises is raised too.
     """
     if not jobs.cluster:
-        if jobs.processes != 1 and not os.access("/dev/shm", os.W_OK):
+        several = jobs.processes != 1
+        if several and not os.access("/dev/shm", os.W_OK):
             print("motiondeck: one core computes, as /dev/shm is not writable. Mount a tmpfs there", file=sys.stderr)
         watched = (delayed(_watched)(os.getpid(), task) for task in tasks)
-        yield from Parallel(jobs.processes, return_as="generator")(watched)
+        if several:
+            resource_tracker.ensure_running()  # which undoes the next line where it starts later
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT,) * several)  # the processes inherit it
+        try:
+            results = Parallel(jobs.processes, return_as="generator")(watched)
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        yield from results
     else:
         early: dict[int, Any] = {}
         awaited = 0

@@ -6,7 +6,9 @@ import subprocess
 import sys
 
 import pytest
+from joblib import delayed
 
+from motiondeck_base.jobs import Jobs, spread
 from waiting import runs, until
 
 PROGRAM = """
@@ -29,6 +31,13 @@ def test_processes_end_when_their_parent_is_killed(tmp_path):
         until(lambda: not any(map(runs, workers)), "their end")
     finally:
         os.killpg(parent.pid, signal.SIGKILL)
+
+
+@pytest.mark.thorough
+def test_an_interrupt_does_not_reach_the_processes():
+    interrupted = (delayed(signal.raise_signal)(signal.SIGINT) for _ in range(4))
+    assert list(spread(interrupted, Jobs(2))) == [None] * 4
+    assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, ())
 
 
 WITHOUT_SHARED_MEMORY = """

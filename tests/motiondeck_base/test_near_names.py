@@ -20,6 +20,7 @@ def test_a_name_that_is_far_from_all_is_offered_none(typed):
     assert did_you_mean(typed, MOTIONS) == ""
     assert "Did you mean" not in str(UnknownNameError.among("motion", typed, MOTIONS))
     assert "There are: walk, slow-walk" in str(UnknownNameError.among("motion", typed, MOTIONS))
+    assert str(UnknownNameError.among("motion", "x", [f"walk-{n}" for n in range(99)])).endswith("walk-19, ....")
 
 
 def test_several_are_joined_as_words():

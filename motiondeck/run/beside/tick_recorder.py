@@ -53,11 +53,9 @@ class TickRecorder:
     def finish(self) -> dict[str, object]:
         """Has the recorder write the last ticks and end; its `file`, and whether it is `complete`, or the `reason`."""
         self._writer.close()
-        try:
-            complete = self.process.wait(_PATIENCE) == 0
-        except subprocess.TimeoutExpired:
-            complete = False
-        found: dict[str, object] = {"file": str(self._file), "complete": complete}
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self.process.wait(_PATIENCE)
+        found: dict[str, object] = {"file": str(self._file), "complete": self.process.returncode == 0}
         with contextlib.suppress(OSError):
             found["reason"] = reason_file(self._state).read_text()
         return found
