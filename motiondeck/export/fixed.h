@@ -34,6 +34,12 @@ MD_CALLED int32_t md_multiplied(int32_t a, int32_t b) {
 #endif
 }
 
+/* a * b, whole. */
+#ifdef __ARM_ARCH_6M__
+MD_CALLED int64_t md_whole(int32_t a, int32_t b) { return (int64_t)a * b; }
+#else
+static inline int64_t md_whole(int32_t a, int32_t b) { return (int64_t)a * b; }
+#endif
 /* The same without a call, by what the compiler knows as a half, a quarter, ... or a whole number. */
 MD_INLINED bool md_is_simple(int32_t a) { return a > 0 && (a <= 1 << 24 ? !(a & (a - 1)) : a >= 2 << 25 && !(a & ((1 << 25) - 1))); }
 MD_INLINED int32_t md_by_simple(int32_t a, int32_t b) {
@@ -69,17 +75,16 @@ MD_CALLED int32_t md_divided(int32_t a, int32_t b) {
   return (a < 0) == (b < 0) ? size : -size;
 }
 
-/* The root, rounded down. */
+/* The root, rounded down, of less than 2^60. */
 MD_CALLED uint32_t md_root(uint64_t x) {
-  uint64_t root = 0, bit = 1ull << 62;
-  while (bit > x) bit >>= 2;
-  for (; bit; bit >>= 2) {
-    if (x >= root + bit)
-      x -= root + bit, root = (root >> 1) + bit;
-    else
-      root >>= 1;
+  uint32_t high = (uint32_t)(x >> 32), low = (uint32_t)x, rest = 0, root = 0;
+  if (high >> 28) return INT32_MAX;
+  for (int bit = 0; bit < 32; bit++) {
+    uint32_t odd = root << 2 | 1u;
+    rest = rest << 2 | high >> 30, high = high << 2 | low >> 30, low <<= 2, root <<= 1;
+    if (rest >= odd) rest -= odd, root++;
   }
-  return (uint32_t)root;
+  return root;
 }
 
 /* Angles, shares, tempos, short times: -64 to 64, in units of 2^-25. */
@@ -132,18 +137,17 @@ struct md_wide {
   friend bool operator<=(md_wide a, md_wide b) { return a.raw <= b.raw; }
 };
 
-/* Times into a motion, s, in units of 2^-30. */
+/* Times into a motion, s: -256 to 256, in units of 2^-23. */
 struct md_time {
-  int64_t raw;
+  int32_t raw;
   md_time() = default;
-  MD_FOLDED md_time(float x) : raw(md_units((double)x, 1073741824.0)) {}
-  md_time(md_real x) : raw((int64_t)x.raw * 32) {}
-  static md_time of(int64_t raw) {
+  MD_FOLDED md_time(float x) : raw((int32_t)md_units((double)x, 8388608.0)) {}
+  md_time(md_real x) : raw((x.raw + 2) >> 2) {}
+  static md_time of(int32_t raw) {
     md_time x;
     x.raw = raw;
     return x;
   }
-  explicit operator md_real() const { return md_real::of(md_saturated((raw + 16) >> 5)); }
   md_time &operator+=(md_time b) { return *this = *this + b; }
   md_time &operator-=(md_time b) { return *this = *this - b; }
   friend md_time operator-(md_time a) { return of(-a.raw); }
@@ -163,10 +167,9 @@ MD_CALLED md_real rounded(md_real x) { return rounded_down(x + md_real(0.50013f)
 static inline md_real copysignf(md_real x, md_real sign) { return (x.raw < 0) == (sign.raw < 0) ? x : -x; }
 
 static inline md_time fabsf(md_time x) { return x.raw < 0 ? -x : x; }
-MD_CALLED md_time least(md_time x, md_time y) { return y < x ? y : x; }
-static inline md_time bounded(md_time x, md_time low, md_time high) { return least(-least(-x, -low), high); }
+static inline md_time bounded(md_time x, md_time low, md_time high) { return x < low ? low : x > high ? high : x; }
 MD_CALLED md_wide most(md_wide x, md_wide y) { return y > x ? y : x; }
-MD_CALLED md_wide product(md_real x, md_real y) { return md_wide::of((int64_t)x.raw * y.raw); }
+MD_CALLED md_wide product(md_real x, md_real y) { return md_wide::of(md_whole(x.raw, y.raw)); }
 static inline md_wide clearly_less(md_wide cost) { return md_wide::of(cost.raw - (cost.raw >> 10)); }
 static inline md_real times(md_real x, int n) { return md_real::of((int32_t)((uint32_t)x.raw * (uint32_t)n)); }
 static inline md_real share_of(md_real x, int n) {
@@ -178,19 +181,22 @@ static inline md_real times_key(md_real weight, int16_t key) { /* weights are ti
 }
 /* Whole numbers near x and x * n, and k / n; none is negative. */
 static inline int nearest(md_real x) { return (int)(((uint32_t)x.raw + (1u << 24)) >> 25); }
-static inline int nearest_times(md_real x, int n) { return (int)(((int64_t)x.raw * n + md_units(0.50013, 33554432.0)) >> 25); }
+static inline int nearest_times(md_real x, int n) { return (int)((md_whole(x.raw, n) + md_units(0.50013, 33554432.0)) >> 25); }
 static inline md_real ratio(int k, int n) { return md_real::of(md_quotient((uint64_t)(uint32_t)k << 26, 2u * (uint32_t)n)); }
-static inline md_time multiple(md_real x, int n) { return md_time::of((int64_t)x.raw * n * 32); }
-static inline md_time scaled(md_time x, md_real by) { return md_time::of((x.raw * by.raw + (1 << 24)) >> 25); }
-static inline int whole_ticks(md_real seconds, md_time tick) { return md_quotient((uint64_t)(uint32_t)seconds.raw << 5, (uint32_t)tick.raw); }
-/* How many times y goes into x, which may be negative, and the share of y that is left. */
-static inline int whole_times(md_time x, md_real y, md_real *share) {
-  int64_t one = (int64_t)y.raw * 32;
-  uint64_t size = (uint64_t)(x.raw < 0 ? -x.raw : x.raw) >> 5;
-  int n = md_quotient(size, (uint32_t)y.raw);
-  if (x.raw < 0) n = -n;
-  if (n * one > x.raw) n--;
-  *share = md_real::of((int32_t)((x.raw - n * one) >> 5)) / y;
+static inline int whole_ticks(md_real seconds, md_real tick) { return md_quotient((uint64_t)(uint32_t)seconds.raw << 5, (uint32_t)tick.raw); }
+/* A tick at a tempo passes; `rest` has what is less than a unit. */
+static inline void pass(md_time *x, uint32_t *rest, md_real tick, md_real tempo) {
+  uint64_t sum = ((uint64_t)(uint32_t)x->raw << 32 | *rest) + (uint64_t)product(tick, tempo).raw;
+  *x = md_time::of((int32_t)(sum >> 32)), *rest = (uint32_t)sum;
+}
+/* How many times y goes into x and some more, which may be negative, and the share of y that is left. */
+static inline int whole_times(md_time x, md_real more, md_real y, md_real *share) {
+  int64_t sum = (int64_t)x.raw * 4 + more.raw;
+  int n = md_quotient((uint64_t)(sum < 0 ? -sum : sum), (uint32_t)y.raw);
+  if (sum < 0) n = -n;
+  int32_t rest = (int32_t)((uint32_t)sum - (uint32_t)n * (uint32_t)y.raw);
+  if (rest < 0) n--, rest += y.raw;
+  *share = md_real::of(rest) / y;
   return n;
 }
 #endif

@@ -83,12 +83,14 @@ static md_real ratio(int k, int n) { return (float)k / (float)n; }
 static uint32_t md_part(uint32_t x, uint32_t y) { return x / y; }
 static int nearest(md_real x) { return (int)rounded(x); }
 static int nearest_times(md_real x, int n) { return (int)rounded(x * (float)n); }
-static md_time multiple(md_real x, int n) { return x * (float)n; }
-static md_time scaled(md_time x, md_real by) { return x * by; }
-static int whole_ticks(md_real seconds, md_time tick) { return (int)(seconds / tick); }
-static int whole_times(md_time x, md_real y, md_real *share) {
-  md_real n = rounded_down(x / y);
-  *share = x / y - n;
+static int whole_ticks(md_real seconds, md_real tick) { return (int)(seconds / tick); }
+static void pass(md_time *x, md_rest *rest, md_real tick, md_real tempo) { /* as Kahan sums */
+  md_time step = tick * tempo - *rest, sum = *x + step;
+  *rest = (sum - *x) - step, *x = sum;
+}
+static int whole_times(md_time x, md_real more, md_real y, md_real *share) {
+  md_real times = (x + more) / y, n = rounded_down(times);
+  *share = times - n;
   return (int)n;
 }
 #endif
@@ -101,6 +103,8 @@ static md_real exponential(md_real x) {
   return power;
 }
 
+MD_CALLED md_real within(md_real x, md_real size) { return least(most(x, -size), size); }
+
 enum { RUNNING, BRAKING, LATCHED, HELD };           /* phases of the stop (stop_state.py) */
 enum { BEFORE, LAST, NOW }; /* of the angles of a joint */
 enum { STOPPING, MOVING, ARRIVING, FOLLOWING, HOLDING }; /* ways of the joints (run_phases.py) */
@@ -110,10 +114,8 @@ enum { STOPPING, MOVING, ARRIVING, FOLLOWING, HOLDING }; /* ways of the joints (
 static float float_at(const uint32_t *figure, int word) { return *(const float *)(const void *)(figure + word); }
 #ifdef MD_FIXED
 static md_real real_at(const uint32_t *figure, int word) { return md_real::of((int32_t)figure[word]); }
-static md_time time_at(const uint32_t *figure, int word) { return md_time::of((int32_t)figure[word]); }
 #else
 static md_real real_at(const uint32_t *figure, int word) { return float_at(figure, word); }
-static md_time time_at(const uint32_t *figure, int word) { return float_at(figure, word); }
 #endif
 static const md_motion *motion_row(const uint32_t *figure, int motion) {
   return (const md_motion *)(const void *)(figure + figure[MOTION_ROWS]) + motion;
@@ -231,16 +233,19 @@ static void draw(const md_player *p, const md_motion *m, int frame, md_real *ang
   int keys = m->loop ? count : count - 3, frames = m->loop ? moving : moving - 1, first = (int)md_part((uint32_t)(frame * keys), (uint32_t)frames);
   first = first < keys ? first : keys - 1;
   md_real u = ratio(frame * keys - first * frames, frames), w = 1.0f - u;
-  md_real weight[4] = {w * w * w, (3.0f * u - 6.0f) * u * u + 4.0f, ((3.0f - 3.0f * u) * u + 3.0f) * u + 1.0f, u * u * u};
+  md_real before = w * w * w, third = 3.0f * u * (1.0f + u * w) + 1.0f, last = u * u * u;
+  md_real weight[4] = {before, 6.0f - before - third - last, third, last}; /* of sum 6 */
   const int16_t *row[4];
   for (int k = 0; k < 4; k++) {
     int key = first + k < count ? first + k : first + k - count;
     row[k] = (const int16_t *)(p->figure + m->keys) + key * width;
     weight[k] *= m->unit;
   }
-  for (int j = 0; j < p->joints; j++)
+  int j = 0;
+  do /* an instruction less in each turn */
     angles[j] = times_key(weight[0], row[0][j]) + times_key(weight[1], row[1][j]) + times_key(weight[2], row[2][j]) +
                 times_key(weight[3], row[3][j]);
+  while (++j < p->joints);
 }
 
 /* ---- one motion as it plays (frame_player.py, track.py) ---- */
@@ -288,7 +293,7 @@ MD_CALLED void begin_at(const md_player *p, md_track *t, const md_motion *m, int
 }
 
 static void enter_phase(const md_player *p, md_track *t, const md_motion *m, md_real phase) {
-  int frame = nearest_times(phase, (int)(m->loop ? m->frames : m->steps));
+  int frame = nearest_times(phase, (int)m->steps);
   if (m->loop) frame = around(frame, (int)m->frames);
   begin_at(p, t, m, preceding(m, frame));
   if (t->index[0] == frame) { /* no frame comes before the first of a one-shot */
@@ -308,7 +313,7 @@ static void enter_anchor(const md_player *p, md_track *t, const md_motion *m, in
     begin_at(p, t, m, anchor * (int)m->stride);
     take_from(p, t, 1);
   }
-  t->at = multiple(m->spacing, anchor);
+  t->at = times(m->spacing, anchor);
   if (m->loop) t->first = t->at - m->seconds, t->last = t->at + m->seconds;
 }
 
@@ -316,30 +321,26 @@ static void turn_round(const md_player *p, md_track *t) {
   t->oldest = row_at(t, 3);
   t->forwards = !t->forwards;
   t->fraction = 1.0f - t->fraction;
-  int towards = t->index[row_at(t, 2)], end = t->motion->loop ? towards : (int)t->motion->steps;
+  int towards = t->index[row_at(t, 2)], end = (int)t->motion->steps;
   take(p, t, 3, onward(t, towards < end ? towards : end));
 }
 
 static md_real phase_of(const md_track *t, int place) {
-  const md_motion *m = t->motion;
-  md_real phase = ratio(t->index[row_at(t, place)], (int)(m->loop ? m->frames : m->steps));
+  md_real phase = ratio(t->index[row_at(t, place)], (int)t->motion->steps);
   return phase < 1.0f ? phase : 1.0f;
 }
 
 /* Goes on by a tick or none, and notes the angles there. */
 static void step_track(const md_player *p, md_track *t, int ticks, md_real tempo) {
   md_real shift = ticks ? tempo : 0.0f;
-  md_time round = t->motion->seconds;
-#ifdef MD_FIXED
-  t->at += scaled(p->tick_time, shift);
-#else
-  md_time step = scaled(p->tick_time, shift) - t->beyond, sum = t->at + step; /* as Kahan sums */
-  t->beyond = (sum - t->at) - step, t->at = sum;
-#endif
-  if (!t->motion->loop) t->at = bounded(t->at, t->first, t->last);
-  if (t->motion->loop && fabsf(t->at) > round + round) {
+  md_time round = t->motion->seconds, two = round + round;
+  pass(&t->at, &t->rest, p->tick_time, shift);
+  if (!t->motion->loop) {
+    t->at = bounded(t->at, t->first, t->last);
+  } else if (fabsf(t->at) > two) {
     if (t->at > round) round = -round;
-    t->at += round, t->first += round, t->last += round;
+    t->at += round;
+    if (fabsf(t->last + round) <= two) t->first += round, t->last += round; /* else it has long gone round */
   }
   t->backwards = tempo < 0.0f || (tempo == 0.0f && t->backwards);
 
@@ -365,10 +366,11 @@ static int has_ended(const md_track *t) {
 }
 
 MD_CALLED void finish_round(md_track *t) {
-  md_real seconds = t->motion->seconds, left;
+  md_time seconds = t->motion->seconds, at = t->at + SOON;
   if (!t->motion->loop) return;
-  t->first = t->last + multiple(seconds, whole_times(t->at - t->last + SOON, seconds, &left));
-  t->last = t->first + seconds;
+  while (t->last <= at) t->last += seconds;
+  while (t->last - seconds > at) t->last -= seconds;
+  t->first = t->last - seconds;
 }
 
 /* ---- where a motion is entered (transition.entry_costs) ---- */
@@ -381,7 +383,7 @@ static md_real way_of(md_real turn) {
 }
 /* The straight way to an end that is turned by some rad, signed, and its square. */
 MD_CALLED md_real chord(md_real turn) { return 2.0f * way_of(0.5f * turn); }
-MD_CALLED md_wide square_of(md_real turn) {
+static md_wide square_of(md_real turn) {
   md_real way = chord(turn);
   return product(way, way);
 }
@@ -409,7 +411,7 @@ MD_CALLED void compare(md_player *p, const md_motion *m, int anchor) {
 /* Begins to look where a motion is most like what was shown NOW, or LAST. */
 static void seek_entry(md_player *p, int motion, int moment) {
   md_real reach = VELOCITY_REACH / p->dt;
-  p->entering = motion, p->compared = 0, p->entry_cost = DEAREST, p->entry = p->adding = 0;
+  p->entering = motion, p->compared = 0, p->entry_cost = DEAREST, p->entry = 0, p->adding = 0;
   for (md_joint *j = p->joint; j < p->joint + p->joints; j++) {
     j->entered_from = j->angle[moment];
     j->entered_reach = chord(j->angle[moment] - j->angle[moment - 1]) * reach;
@@ -435,7 +437,7 @@ static void enter_found(const md_player *p, md_track *t) {
   const md_motion *m = motion_row(p->figure, p->entering);
   int late = (int)md_part((uint32_t)(compared(m) - 1), m->searched) + 1, anchors = (int)m->anchors;
   md_real spacing = m->spacing, left;
-  int carried = m->loop ? whole_times(times(p->dt, late) * p->tempo + CARRIED * spacing, spacing, &left) : 0;
+  int carried = m->loop ? whole_times(0.0f, times(p->dt, late) * p->tempo + CARRIED * spacing, spacing, &left) : 0;
   enter_anchor(p, t, m, around(p->entry + carried, anchors));
 }
 
@@ -461,17 +463,23 @@ static Shares left_of(const md_fade *fade, md_real elapsed) {
 MD_CALLED md_real rest_of(const Shares *left, const md_difference *d) { return left->value * d->value + left->slope * d->rate; }
 MD_CALLED md_real change_of(const Shares *left, const md_difference *d) { return left->leaving * d->value + left->turning * d->rate; }
 
+/* The share of an acceleration that changes have in some ticks by their square. */
+MD_CALLED md_real hardness(md_wide square, md_real seconds, md_real acceleration) {
+  md_real hard = HARD * seconds;
+  return sqrtf(square) / hard / hard / acceleration;
+}
+
 /* Ends the trial of the candidate, and names the fade to go on with (FadeSearch._try). */
 static void end_trial(md_player *p, md_real step, const md_fade **next) {
   static const md_real slowed_within[3] = {1.0f, 0.5f, 0.25f};
   const md_fade *fade = &p->candidate;
   if (p->already == 0.0f) p->already = sqrtf(p->first) / step;
-  md_real speed = sqrtf(p->fastest) / step / most(PLANNED_SHARE * p->bound.speed, p->already), duration, hard = HARD * step;
-  /* The use of the planned share of the bounds; 1 is the limit. */
-  md_real use = most(sqrtf(p->hardest) / hard / hard / (PLANNED_SHARE * p->bound.acceleration), speed * speed);
+  md_real speed = sqrtf(p->fastest) / step / most(p->bound.speed, p->already), duration;
+  /* The use of the bounds; 1 is the limit. */
+  md_real use = most(hardness(p->hardest, step, p->bound.acceleration), speed * speed);
   int better = use <= p->least /* as large uses are alike in fixed point */, whole = fade->slowing == fade->duration, exhausted;
   p->moment = 0;
-  if (++p->trials == 1) p->hasty = p->already > PLANNED_SHARE * p->bound.speed;
+  if (++p->trials == 1) p->hasty = p->already > p->bound.speed;
   if (better) p->best = *fade, p->least = use;
   p->rises = use > ALL_BUT * p->last ? p->rises + 1 : 0;
   p->last = use;
@@ -505,7 +513,7 @@ static void weigh(md_player *p, const md_fade **next) {
   md_real low[MD_MOST_JOINTS], high[MD_MOST_JOINTS]; /* angles at the anchors around the moment */
   md_real risen = (1.0f - p->onset) * way * way;
   md_real share;
-  int near = whole_times(p->course_at + p->course_tempo * time * (p->onset + risen * (1.0f / 3.0f)), m->spacing, &share);
+  int near = whole_times(p->course_at, p->course_tempo * time * (p->onset + risen * (1.0f / 3.0f)), m->spacing, &share);
   Shares left = left_of(fade, time);
   draw_anchor(p, m, near, low);
   draw_anchor(p, m, near + 1, high);
@@ -572,11 +580,12 @@ static void begin_fade(md_player *p, md_real onset, md_bounds bounds) {
     j->whole.rate = (j->whole.value - (j->angle[LAST] - t->before[k])) / p->dt;
   }
   p->fade = p->candidate = p->best = shortest;
-  p->fading = 1, p->found = p->has_gap = p->trials = p->slowed = p->rises = p->moment = 0;
+  p->fading = 1, p->found = p->has_gap = p->slowed = 0, p->trials = p->rises = p->moment = 0;
   p->elapsed = p->gap_elapsed = p->already = 0.0f;
   p->least = p->last = DEAREST, p->onset = onset;
   md_real faster = most(1.0f, fabsf(p->tempo));
-  p->bound.speed = faster * FASTEST * bounds.speed, p->bound.acceleration = faster * faster * bounds.acceleration;
+  p->bound.speed = PLANNED_SHARE * FASTEST * faster * bounds.speed;
+  p->bound.acceleration = PLANNED_SHARE * faster * faster * bounds.acceleration;
   p->course_at = t->at, p->course_tempo = p->tempo;
 }
 
@@ -602,20 +611,24 @@ static void limit_join(md_player *p, md_bounds bounds) {
   p->own = bounds, p->limited = 1, p->correct_from = CORRECTED_FROM;
 }
 
+/* The way to an end that is turned by little, across and along. */
+static md_vector short_way(md_real turn) {
+  md_real square = turn * turn, sixth = square * (PER_LEVER * PER_LEVER / 6.0f);
+  md_vector way = {turn - turn * sixth, (0.5f * PER_LEVER) * (square - 0.5f * sixth * square)};
+  return way;
+}
+
 /* The use of the limits of the join by what is shown; 1 is the limit. */
 static md_real use_of_limits(const md_player *p) {
-  md_real fastest = 0.0f, hard = HARD * p->dt;
+  md_real fastest = 0.0f;
   md_wide hardest = 0.0f;
   for (const md_joint *j = p->joint; j < p->joint + p->joints; j++) {
     md_real now = j->angle[NOW] - j->angle[LAST], then = j->angle[LAST] - j->angle[BEFORE];
-    md_real nn = now * now, tt = then * then, n = nn * (PER_LEVER * PER_LEVER / 6.0f), t = tt * (PER_LEVER * PER_LEVER / 6.0f);
-    /* The change of the ways across, and the mean square of the chords. */
-    md_vector change = {now - now * n - then + then * t, (0.5f * PER_LEVER) * (nn - 0.5f * n * nn + tt - 0.5f * t * tt)};
+    md_vector on = short_way(now), before = short_way(then), change = {on.x - before.x, on.y + before.y};
     fastest = most(fastest, fabsf(now)), hardest = most(hardest, square(change));
   }
   md_real faster = most(1.0f, fabsf(p->tempo));
-  hard = hard * faster;
-  return most(chord(fastest) / (faster * p->join.speed * p->dt), sqrtf(hardest) / hard / hard / p->join.acceleration);
+  return most(chord(fastest) / (faster * p->join.speed * p->dt), hardness(hardest, p->dt * faster, p->join.acceleration));
 }
 
 /* Limits the join with what plays now within some bounds, and fades to it. */
@@ -631,12 +644,12 @@ static void fade_to(md_player *p, md_bounds bounds) {
 /* ---- blends (playing_tracks.py, blend_weight.py, deck_motions.py) ---- */
 
 /* The place of a motion among those that play, or NONE. */
-static int place_of(md_player *p, int motion) {
+static int place_of(const md_player *p, int motion) {
   int place = p->blended;
   while (place >= 0 && motion_index(p, p->track[place].motion) != motion) place--;
   return place;
 }
-static void play_alone(md_player *p) { p->blended = p->crossing = 0; }
+static void play_alone(md_player *p) { p->blended = 0, p->crossing = 0; }
 
 /* Steps the motions of a blend, which stay in step, and shows their mean. */
 static void step_blend(md_player *p) {
@@ -666,7 +679,7 @@ static void step_blend(md_player *p) {
 enum { FINE, STANDS_STILL, OVER };
 
 /* What is wrong with the blend (BlendCheck.problem). */
-static int problem_of(md_player *p) {
+static uint8_t problem_of(md_player *p) {
   md_real least_way = FARTHEST, fastest = 0.0f, moved = 0.0f, way = 0.0f, passed = p->dt * fabsf(p->tempo);
   for (int k = 0; k <= p->blended; k++) {
     least_way = least(least_way, STILL * p->track[k].motion->extent);
@@ -799,7 +812,8 @@ MD_CALLED int perform(md_player *p) {
     step_track(p, p->track, 1, p->tempo * onset_of(p));
     show_track(p);
   }
-  p->problem = BLENDS && p->blended ? problem_of(p) : FINE;
+  p->problem = FINE;
+  if (BLENDS && p->blended) p->problem = problem_of(p);
   if (p->fading) {
     advance_fade(p);
     if (p->elapsed < p->fade.duration - SOON || p->has_gap) {
@@ -847,10 +861,10 @@ static int goes_on(md_player *p, int to, int with) {
   return 1;
 }
 
-/* Starts a switch to a motion, and then to its blend with another, if not NONE. */
-static void start_switch(md_player *p, int to, int direct, int with, md_real share) {
+/* Starts a switch to a motion, and then to its blend with another, if not NONE, that gets the share of the plan. */
+static void start_switch(md_player *p, int to, int direct, int with) {
   const md_motion *here = p->track->motion;
-  p->going_to = to, p->with = with, p->share = share, p->current = 1, p->fade_of_switch = 0, p->entering = NONE;
+  p->going_to = to, p->with = with, p->current = 1, p->fade_of_switch = 0, p->entering = NONE;
   if (p->blending) p->blending = 2; /* for a switch that was overtaken */
   if (here->loop && goes_on(p, to, with)) {
     if (!BLENDS || with == NONE)
@@ -870,7 +884,7 @@ static void take_next(md_player *p) {
   if (!p->current && p->queued && over) {
     int to = p->queue[0];
     copy(p->queue, p->queue + 1, (size_t)--p->queued);
-    start_switch(p, to, 0, NONE, 0.0f);
+    start_switch(p, to, 0, NONE);
   }
   if (p->ahead != NONE && (over || !p->waits)) {
     int motion = p->ahead;
@@ -935,23 +949,24 @@ MD_CALLED void take_beat(md_beats *b, md_real ago, md_real dt) {
   md_real periods = rounded(since / b->period), error = since - periods * b->period;
   if (periods > 8.0f) {
     begin_beats(b, ago);
-  } else if (another_tempo(b, before - ago)) {
-    begin_beats(b, before);
-    second_beat(b, ago);
-  } else if (periods < 1.0f || fabsf(error) > 0.30013f * b->period) {
+    return;
+  }
+  int anew = another_tempo(b, before - ago);
+  if (!anew && (periods < 1.0f || fabsf(error) > 0.30013f * b->period)) {
     b->was_stray = 1;
     b->strays += captured(before - ago);
-    if (b->strays > 1) {
-      begin_beats(b, before);
-      second_beat(b, ago);
-    }
-  } else {
+    anew = b->strays > 1;
+  } else if (!anew) {
     int k = b->counted < 7 ? b->counted : 7, both = (k + 1) * (k + 2); /* the gains are constant from then on */
     md_real gain = most(0.51f, ratio(4 * k + 2, both)), period_gain = most(0.09f, ratio(6, both));
     b->last = ago + (1.0f - gain) * error;
     b->period = bounded(b->period + period_gain * error / periods, SHORTEST_BEAT, LONGEST_BEAT);
     b->counted++;
     b->strays = b->was_stray ? b->strays : 0, b->was_stray = 0;
+  }
+  if (anew) {
+    begin_beats(b, before);
+    second_beat(b, ago);
   }
 }
 
@@ -1006,7 +1021,7 @@ static void advance_tempo(md_player *p) {
   if (p->paused) goal = 0.0f, rate = TEMPO_RATE;
   md_real most_change = rate * p->dt;
   keep_time(&p->beats, p->dt);
-  p->tempo += bounded(goal - p->tempo, -most_change, most_change);
+  p->tempo += within(goal - p->tempo, most_change);
 }
 
 /* The first tick that is so many s away, or more. */
@@ -1025,7 +1040,7 @@ static void approach_share(md_share *s, md_real apart, md_real dt, int may_chang
   md_real slew = least(20.0f, s->bounds.acceleration / s->farthest * (0.45f * HARD * HARD));
   md_real fastest = least(least(3.0f, 0.4f * s->bounds.speed / s->farthest), s->bounds.acceleration / s->bounds.speed * (HARD * HARD / 8.0f));
   md_real wanted = may_change ? copysignf(least(fastest, sqrtf(slew * fabsf(left))), left) : 0.0f;
-  s->pace = bounded(s->pace + bounded(wanted - s->pace, -slew * dt, slew * dt), -fastest, fastest);
+  s->pace = within(s->pace + within(wanted - s->pace, slew * dt), fastest);
   if (fabsf(s->pace) < 2e-5f) s->pace = 0.0f;
   md_real step = s->pace * dt;
   if (may_change && fabsf(left) <= most(fabsf(step), 1e-7f) && step * left >= 0.0f)
@@ -1056,7 +1071,7 @@ static void mix_layers(md_player *p) {
   for (int k = 0; k < p->layers; k++) {
     md_layer_state *l = p->layer + k;
     md_real most_change = TEMPO_RATE * p->dt, apart = 0.0f;
-    l->tempo += bounded(l->commanded_tempo - l->tempo, -most_change, most_change);
+    l->tempo += within(l->commanded_tempo - l->tempo, most_change);
     step_track(p, &l->track, 1, p->tempo * l->tempo);
     for (int j = 0; j < p->joints; j++) {
       if (!(l->joints >> j & 1)) l->track.now[j] = p->targets[j];
@@ -1083,8 +1098,8 @@ static md_real live_angle(md_player *p, md_live_state *l, md_real beneath) {
   if (l->seen == 1) l->seen = 2, l->at = l->shown, l->moving = beneath - l->shown;
   goal = p->paused ? l->at : l->value;
   md_real follow = (FOLLOW / 2.0f) * (2.0f * dt), off = l->at - goal, pull = l->moving + follow * off, way = l->share.bounds.speed * dt;
-  l->at += bounded(p->decay * (off + pull) - off, -way, way);
-  l->moving = bounded(p->decay * (l->moving - follow * pull), -way, way);
+  l->at += within(p->decay * (off + pull) - off, way);
+  l->moving = within(p->decay * (l->moving - follow * pull), way);
   if (!p->paused) {
     if (--l->left <= 0) l->share.goal = 0.0f;
   }
@@ -1160,7 +1175,6 @@ static void go_there(md_player *p) {
 /* Limits of speed, acceleration and jerk are kept in some ticks if the way is at most the limit times so many ticks, or their
    second or third power, by these; the part of some ticks that has passed. */
 #ifdef MD_FIXED
-typedef uint32_t md_ticks; /* 2^-16 */
 typedef uint64_t md_reach;
 #define FINEST 1u
 #define MOST_TICKS (1u << 29)
@@ -1170,20 +1184,20 @@ static md_reach grown(md_reach reach, md_ticks ticks) {
   reach = reach * ticks >> 16;
   return reach >> 34 ? 1ull << 34 : reach;
 }
-static md_time time_of(md_ticks ticks) { return md_time::of((int64_t)ticks << 14); }
-static md_real part_of(int tick, md_time ticks) {
-  int32_t part = md_quotient((uint64_t)tick << 41, (uint32_t)(ticks.raw >> 14));
+static md_ticks ticks_of(int tick) { return (uint32_t)tick << 16; }
+static md_real part_of(int tick, md_ticks ticks) {
+  int32_t part = md_quotient((uint64_t)tick << 41, ticks);
   return md_real::of(part < 1 << 25 ? part : 1 << 25);
 }
 #else
-typedef float md_ticks, md_reach;
+typedef float md_reach;
 #define FINEST (1.0f / 65536.0f)
 #define MOST_TICKS 1048576.0f
 static const float peaks[3] = {1.875f, 5.7735027f, 60.0f};
 static md_reach reach_of(md_real x) { return x; }
 static md_reach grown(md_reach reach, md_ticks ticks) { return reach * ticks; }
-static md_time time_of(md_ticks ticks) { return ticks; }
-static md_real part_of(int tick, md_time ticks) { return least((float)tick / ticks, 1.0f); }
+static md_ticks ticks_of(int tick) { return (float)tick; }
+static md_real part_of(int tick, md_ticks ticks) { return least((float)tick / ticks, 1.0f); }
 #endif
 
 /* Whether a joint needs more ticks for its way. */
@@ -1197,23 +1211,17 @@ static int too_soon(md_real way, const EnvelopeLimits *l, md_ticks ticks) {
   return 0;
 }
 
-/* How many ticks the joints need at least from where they are to where they go. */
-static md_ticks ticks_needed(const md_player *p) {
-  md_ticks ticks = 0;
+static void start_approach(md_player *p) {
+  md_ticks ticks = 0; /* that the joints need at least from where they are to where they go */
   for (int j = 0; j < p->joints; j++) {
     const EnvelopeLimits *l = limits_of(p->figure) + j;
-    md_real way = most(fabsf(p->joint[j].to - p->joint[j].from) - CHANGED, 0.0f);
+    md_joint *joint = p->joint + j;
+    joint->from = joints_of(p)[j].p;
+    md_real way = most(fabsf(joint->to - joint->from) - CHANGED, 0.0f);
     for (md_ticks more = too_soon(way, l, ticks) ? MOST_TICKS : 0; more >= FINEST; more /= 2)
       if (too_soon(way, l, ticks + more - FINEST)) ticks += more;
   }
-  return ticks;
-}
-
-static void start_approach(md_player *p) {
-  for (int j = 0; j < p->joints; j++) p->joint[j].from = joints_of(p)[j].p;
-  md_time ticks = time_of(ticks_needed(p));
-  p->approach = ticks + ticks + ticks + ticks;
-  p->tick = 0, p->way = MOVING;
+  p->approach = 4 * ticks, p->tick = 0, p->way = MOVING;
 }
 
 static const md_real *approach(md_player *p) {
@@ -1225,7 +1233,7 @@ static const md_real *approach(md_player *p) {
 
 MD_CALLED void halt(md_player *p) { p->paused = 1, p->tempo_rate = TEMPO_RATE; }
 
-static void set_phase(md_player *p, int phase) {
+static void set_phase(md_player *p, uint8_t phase) {
   if (phase == p->phase) return;
   p->phase = phase;
   if (phase == RUNNING)
@@ -1246,8 +1254,8 @@ static const md_real *step(md_player *p) {
     start_approach(p);
   }
   if (p->way == MOVING) {
-    if (multiple(1.0f, p->tick) < p->approach) return approach(p);
-    p->tick = p->approach > 0.0f ? 2 : 0; /* brake at least so long, though 32 bits may not show the last velocity */
+    if (ticks_of(p->tick) < p->approach) return approach(p);
+    p->tick = p->approach > 0 ? 2 : 0; /* brake at least so long, though 32 bits may not show the last velocity */
     p->way = ARRIVING;
   }
   if (p->way == ARRIVING) {
@@ -1264,14 +1272,16 @@ int md_begin(md_player *p, const uint32_t *figure, const md_number *measured) {
   if (figure[0] != MAGIC || figure[WORDS] != ~figure[INVERSE]) return MD_E_FIGURE; /* before all words are read */
   if (figure[JOINTS] > MD_MOST_JOINTS || sum_of(figure) != figure[CHECKSUM]) return MD_E_FIGURE;
   clear(p, sizeof *p);
-  p->figure = figure, p->joints = (int)figure[JOINTS], p->dt = (md_real)time_at(figure, TICK), p->tick_time = time_at(figure, TICK);
+  p->figure = figure, p->track = p->tracks, p->joints = (int)figure[JOINTS], p->tick_time = real_at(figure, TICK), p->dt = p->tick_time * (1.0f / FINER);
   p->tempo = p->commanded_tempo = 1.0f, p->tempo_rate = TEMPO_RATE;
   p->ahead = p->entering = p->with = NONE, p->track->weight = 1.0f, p->jump = -1.0f, p->phase = RUNNING;
   p->decay = exponential((-FOLLOW / 2.0f) * (2.0f * p->dt));
   enter_phase(p, p->track, motion_row(figure, 0), 0.0f);
   step_track(p, p->track, 0, 1.0f);
-  show_track(p);
-  for (int j = 0; j < p->joints; j++) p->joint[j].angle[LAST] = p->joint[j].angle[BEFORE] = p->track->now[j];
+  for (int j = 0; j < p->joints; j++) {
+    md_real *angle = p->joint[j].angle;
+    angle[BEFORE] = angle[LAST] = angle[NOW] = p->track->now[j];
+  }
   update(p);
   go_there(p);
   EnvelopeJoint *s = joints_of(p);
@@ -1312,7 +1322,7 @@ int md_switch(md_player *p, int motion, int direct) {
   p->queued = 0;
   if (!under_way || (direct && p->ahead != NONE)) {
     p->ahead = NONE;
-    start_switch(p, motion, direct, NONE, 0.0f);
+    start_switch(p, motion, direct, NONE);
   }
   return played(p);
 }
@@ -1325,8 +1335,8 @@ int md_blend(md_player *p, int first, int second, md_number weight_of_second) {
   if (!BLENDS || !motion_row(p->figure, first)->loop || !motion_row(p->figure, second)->loop || apart(p, first, second))
     return MD_E_BLEND;
   int turned = p->blended && md_playing(p) == second; /* the one that leads stays the first */
-  p->queued = 0, p->ahead = NONE;
-  start_switch(p, turned ? second : first, 0, turned ? first : second, turned ? 1.0f - weight : weight);
+  p->queued = 0, p->ahead = NONE, p->share = turned ? 1.0f - weight : weight;
+  start_switch(p, turned ? second : first, 0, turned ? first : second);
   return played(p);
 }
 
@@ -1459,7 +1469,7 @@ int md_reset(md_player *p) {
 
 void md_heartbeat(md_player *p, md_number within) {
   md_real seconds = IN(within);
-  p->within = seconds > 0.0f ? ticks_within(p, seconds + SOON) : 0, p->silent = p->missed = 0;
+  p->within = seconds > 0.0f ? ticks_within(p, seconds + SOON) : 0, p->silent = 0, p->missed = 0;
 }
 
 /* ---- what a player tells ---- */
@@ -1468,9 +1478,8 @@ const md_number *md_targets(const md_player *p) { return ALL_OUT(p->targets); }
 int md_playing(const md_player *p) { return motion_index(p, p->track->motion); }
 int md_going_to(const md_player *p) { return p->current ? p->going_to : md_playing(p); }
 md_number md_weight(const md_player *p, int motion) {
-  for (int k = 0; BLENDS && k < p->blended; k++)
-    if (motion_index(p, p->track[k + 1].motion) == motion) return OUT(p->track[k + 1].weight);
-  return motion != md_playing(p) ? 0 : p->blended ? OUT(p->track->weight) : OUT(1.0f);
+  int place = place_of(p, motion);
+  return place == NONE ? 0 : p->blended ? OUT(p->track[place].weight) : OUT(1.0f);
 }
 md_number md_phase(const md_player *p) { return OUT(phase_now(p)); }
 int md_mode(const md_player *p) {

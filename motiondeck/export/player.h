@@ -2,7 +2,7 @@
 
    A figure is an array of 32-bit words that `motiondeck export` writes: motions of joints as keys of splines or as networks,
    the limits of the joints, and what the deck knows of the motions. The player reads it where it lies, in flash. It has no heap, no
-   global state and no recursion; all of its state is in a struct md_player of yours. Angles are in rad, times in s.
+   global state and no recursion; all of its state is in a struct md_player of yours, which stays where it is. Angles are in rad, times in s.
 
        static md_player player;
        md_begin(&player, figure, measured);        once, with the measured angles
@@ -29,10 +29,12 @@
 #ifdef __cplusplus
 #include "fixed.h"
 #else
-typedef int32_t md_real;
-typedef int64_t md_wide, md_time;
+typedef int32_t md_real, md_time;
+typedef int64_t md_wide;
 #endif
 typedef int32_t md_number;
+typedef uint32_t md_rest, md_ticks; /* less than a unit of md_time; ticks, in 2^-16 */
+#define FINER 32.0f /* the figure has the time of a tick by so many times */
 #define ROUNDING 1.5e-5f /* rad; the rounding error of a sum of many positions */
 #define FARTHEST 60.0f   /* rad; targets beyond are not followed */
 #define DEAREST 8000.0f
@@ -43,7 +45,8 @@ typedef int32_t md_number;
 #else
 #define MD_ONE 1.0f
 #define MD(x) ((md_number)(x))
-typedef float md_real, md_wide, md_time, md_number;
+typedef float md_real, md_wide, md_time, md_number, md_rest, md_ticks;
+#define FINER 1.0f
 #define ROUNDING 1e-6f /* rad; the rounding error of a sum of many positions */
 #define FARTHEST 1e30f
 #define DEAREST 1e30f
@@ -147,9 +150,7 @@ typedef struct {
   md_real fraction; /* of the way from the second frame to the third */
   md_real weight, weight_from, weight_to, lasts; /* in a blend; how long a round lasts there, s */
   md_time at, first, last; /* s into the motion, and where it has ended or gone round */
-#ifndef MD_FIXED
-  md_time beyond; /* by how much `at` was rounded up */
-#endif
+  md_rest rest;             /* of `at`, that is not in it yet */
   md_real frame[4][MD_MOST_JOINTS], before[MD_MOST_JOINTS], now[MD_MOST_JOINTS]; /* rad */
 } md_track;
 
@@ -163,9 +164,9 @@ typedef struct {
 /* A motion on some joints, over what else is played. */
 typedef struct {
   md_share share;
-  md_track track;
   uint64_t joints; /* a bit for each, the first joint's lowest */
   md_real tempo, commanded_tempo;
+  md_track track;
 } md_layer_state;
 
 /* A joint that follows values from outside. */
@@ -183,42 +184,52 @@ typedef struct {
   md_real phase, period, last, before, interval; /* no period is known at 0 */
 } md_beats;
 
-/* What is not an array stands first, and of that what is named most: a small core reaches 31 words with short instructions. */
+/* Small numbers stand first, then what else is not an array, and of both what is named most: a small core reaches 32 bytes, or
+   31 words, with short instructions. */
 typedef struct {
   const uint32_t *figure;
+  md_track *track; /* the first of `tracks` */
+  /* The plan: whether a switch is under way, waits for an end, or fades. The run: emergency stop, approach, heartbeat. */
+  uint8_t current, waits, fade_of_switch, queued, paused, phase, way, demanded, missed;
+  /* The fade of the last switch, whether there is a gap to a shorter one that it began as, and the search for its duration. */
+  uint8_t fading, has_gap, found, slowed, hasty;
+  /* The blend: whether weights change for the switch, or at all, or its motion is sought; what is wrong with it. Whether
+     there are limits of a join. */
+  uint8_t blending, crossing, adding, problem, limited;
   int joints, blended; /* motions beside the one that leads */
   md_real dt, tempo;
-  /* The plan: what the present switch goes to, what is blended in with it, and what waits. */
-  int entering, going_to, with, current, ahead, waits, fade_of_switch, queued, paused;
-  /* The run: emergency stop, approach. */
-  int phase, way;
-  int32_t tick;
-  /* The fade of the last switch, whether there is a gap to a shorter one that it began as, and the search for its duration. */
-  int fading, has_gap, found, trials, slowed, rises, moment;
-  /* The blend: whether weights change for the switch, or at all; what is wrong with it. Whether there are limits of a join. */
-  int blending, crossing, problem, limited;
-  /* The motion that is entered next, and the best place so far. */
-  int compared, entry, layers;
-  /* Of the same, as above: the run, heartbeat; the fade, the blend, the motion that is entered. */
-  int demanded, missed, within, silent; /* ticks; within 0 any */
-  int hasty, adding, blending_to, coarse;
+  /* The plan: what is entered, what the present switch goes to, what is blended in with it, and what waits. */
+  int entering, going_to, with, ahead;
+  int layers;
+  md_fade fade;
+  md_real weight_pace; /* of the change of weights */
   md_real elapsed, gap_elapsed, onset;
-  md_real commanded_tempo, tempo_rate, jump; /* the phase to go to in this tick, below 0 none */
-  md_real watched;                            /* s of `low` and `high`; below 0 at first */
-  md_fade fade, best, candidate;
+  md_real watched; /* s of `low` and `high`; below 0 at first */
+  md_real jump;    /* the phase to go to in this tick, below 0 none */
+  md_real commanded_tempo, tempo_rate;
+  int trials, rises, moment;
+  int compared, entry; /* places of the motion that is entered, and the best so far */
+  int32_t tick;
+  int within, silent; /* ticks; within 0 any */
+  int blending_to, coarse;
+  md_fade best;
   md_real least, last, already, course_tempo; /* of the trial, and the course of the motion that it considers */
-  md_bounds bound, join, own;                 /* of the trial; of the join, and the largest of its motions */
+  md_bounds bound;                            /* of the trial, as planned */
+  md_fade candidate;
+  md_bounds join, own;                        /* of the join, and the largest of its motions */
   md_real correct_from;                       /* the use of the limits from which on the fade is replaced */
   md_real share, decay;                       /* of what is blended in; of a live joint in a tick */
-  md_real weighed, weighing, weight_pace;     /* s of the change of weights, of all of it, and its pace */
+  md_real weighed, weighing;                  /* s of the change of weights, and of all of it */
   md_wide entry_cost, fastest, first, hardest;
-  md_time tick_time, course_at, approach; /* s, s into the motion, ticks */
+  md_time course_at;                          /* s into the motion */
+  md_real tick_time;                          /* s, times FINER */
+  md_ticks approach;                          /* all of them */
   md_beats beats;
   uint8_t queue[MD_MOST_QUEUED];
 
   md_real targets[MD_MOST_JOINTS], safe[MD_MOST_JOINTS];
   md_joint joint[MD_MOST_JOINTS];
-  md_track track[MD_MOST_BLENDED];      /* the one that leads, and those that are blended in */
+  md_track tracks[MD_MOST_BLENDED];     /* the one that leads, and those that are blended in */
   md_layer_state layer[MD_MOST_LAYERS]; /* the lowest first */
   md_live_state live[MD_MOST_JOINTS];
   REAL limit[MD_MOST_JOINTS][6]; /* an EnvelopeJoint each, see envelope.c */

@@ -61,7 +61,7 @@ SHARED REAL near_enough(int64_t x) {
   const int64_t most_way = (int64_t)24 << 25;
   return md_real::of((int32_t)(x > most_way ? most_way : x < -most_way ? -most_way : x));
 }
-static REAL half_square(REAL x, REAL j) { return md_real::of(md_quotient((uint64_t)((int64_t)x.raw * x.raw) >> 1, (uint32_t)j.raw)) + md_real::of(1); }
+SHARED REAL half_square(REAL x, REAL j) { return md_real::of(md_quotient((uint64_t)md_whole(x.raw, x.raw) >> 1, (uint32_t)j.raw)) + md_real::of(1); }
 
 static int32_t held_size(uint32_t size, uint32_t j) {
   uint32_t n = md_root(md_part(2u * size, j));
@@ -85,26 +85,26 @@ static REAL held_back(REAL v, REAL j) {
 
 #endif
 
-static REAL braked(REAL v, REAL a, REAL most_a, REAL j) {
-  return least(least(most(most(-held_back(v, j), a - j), -most_a), a + j), most_a);
+static REAL braked(const EnvelopeLimits *l, REAL v, REAL a) {
+  return least(least(most(most(-held_back(v, l->j), a - l->j), -l->a), a + l->j), l->a);
 }
 
 #ifdef MD_FIXED
 SHARED int64_t let_go(int32_t a, int32_t j, int64_t n) { return n * a - (j >> 1) * n * (n - 1); }
 /* The way in n ticks that begin with a velocity and an acceleration from which six times a sixth goes away in each. */
 SHARED int64_t way_in(int32_t n, int64_t v, int32_t a, int32_t sixth) {
-  int64_t two = (int64_t)n * (n + 1);
+  int64_t two = md_whole(n, n + 1);
   return n * v + (two >> 1) * a - two * (n + 2) * sixth;
 }
 
-static Run stopping_run(REAL velocity, REAL acceleration, REAL most_acceleration, REAL jerk) {
-  int32_t v = velocity.raw, a = acceleration.raw, most_a = most_acceleration.raw, j = jerk.raw, sixth = (int32_t)md_part((uint32_t)j, 6u), size = a < 0 ? -a : a;
+static Run stopping_run(const EnvelopeLimits *l, REAL velocity, REAL acceleration) {
+  int32_t v = velocity.raw, a = acceleration.raw, most_a = l->a.raw, j = l->j.raw, sixth = (int32_t)md_part((uint32_t)j, 6u), size = a < 0 ? -a : a;
   int64_t gone = let_go(size, j, up(size, j));
   int mirrored = v + (a < 0 ? -gone : gone) - a < 0;
   if (mirrored) v = -v, a = -a;
 
   int32_t f = down(a, j), m = f, floored = down(a + most_a, j);
-  int64_t square = (int64_t)a * a + j * (v - (f + 1) * (a - (int64_t)(j >> 1) * f));
+  int64_t square = md_whole(a, a) + j * (v - (f + 1) * (a - md_whole(j >> 1, f)));
   int32_t curve = down(a + (square > 0 ? (int32_t)md_root((uint64_t)square) : 0), j);
   m = curve > f ? curve : f;
   m = m > floored ? floored : m;
@@ -115,21 +115,21 @@ static Run stopping_run(REAL velocity, REAL acceleration, REAL most_acceleration
   if (over >= 0) {
     int32_t q = md_quotient((uint64_t)over, (uint32_t)most_a) + 1;
     run += way_in(q, fast, -most_a, 0);
-    fast -= (int64_t)q * most_a;
+    fast -= md_whole(q, most_a);
   }
 
-  int32_t h = held_back(md_real::of((int32_t)fast), jerk).raw;
+  int32_t h = held_back(md_real::of((int32_t)fast), l->j).raw;
   int32_t n = up(h, j);
   run += way_in(n - 1, 0, (int32_t)((uint32_t)h - (uint32_t)n * (uint32_t)j), -sixth);
 
   int64_t dip = 0;
   if (v < 0) {
     int32_t b = a - (j >> 1);
-    int64_t turning = (int64_t)b * b + 2 * (int64_t)j * v;
+    int64_t turning = md_whole(b, b) + 2 * md_whole(j, v);
     int32_t k = up(b - (turning > 0 ? (int32_t)md_root((uint64_t)turning) : 0), j) - 1;
     dip = way_in(k, v, a, sixth);
   }
-  REAL high = near_enough(run > 0 ? run : 0), low = near_enough(dip < 0 ? dip : 0), last = near_enough(run);
+  REAL last = near_enough(run), high = most(last, R(0.0)), low = least(near_enough(dip), R(0.0));
   Run there = {high, low, last}, back = {-low, -high, -last};
   return mirrored ? back : there;
 }
@@ -144,8 +144,8 @@ SHARED REAL way_in(REAL n, REAL v, REAL a, REAL j) {
   return n * v + R(0.5) * n * (n + R(1.0)) * (a - j * (n + R(2.0)) / R(3.0));
 }
 
-static Run stopping_run(REAL v, REAL a, REAL most_a, REAL j) {
-  REAL size = FABS(a), n = CEIL(size / j);
+static Run stopping_run(const EnvelopeLimits *l, REAL v, REAL a) {
+  REAL most_a = l->a, j = l->j, size = FABS(a), n = CEIL(size / j);
   int mirrored = v + COPYSIGN(let_go(size, j, n), a) - a < R(0.0);
   if (mirrored) v = -v, a = -a;
 
@@ -189,15 +189,15 @@ static REAL catching_up(const EnvelopeLimits *l, REAL p, REAL v, REAL goal, REAL
   goal_v = bounded(goal_v, -l->v, l->v);
   goal_a = steady ? goal_a : R(0.0);
   REAL off = p + v - goal, fast = v - goal_v;
-  REAL y_low = off + low + stopping_run(fast + low, low - goal_a, l->a, l->j).last;
+  REAL y_low = off + low + stopping_run(l, fast + low, low - goal_a).last;
   if (y_low >= R(0.0) || low >= high) return low;
-  REAL y_high = off + high + stopping_run(fast + high, high - goal_a, l->a, l->j).last;
+  REAL y_high = off + high + stopping_run(l, fast + high, high - goal_a).last;
   if (y_high <= R(0.0)) return high;
   REAL enough = (high - low) * R(1.0 / STEPS);
   for (;;) {
     REAL middle = low + bounded(-y_low / (y_high - y_low), R(0.1), R(0.9)) * (high - low);
     if (!(low < middle && middle < high)) return low;
-    REAL y = off + middle + stopping_run(fast + middle, middle - goal_a, l->a, l->j).last;
+    REAL y = off + middle + stopping_run(l, fast + middle, middle - goal_a).last;
     if (y < R(0.0))
       low = middle, y_low = y;
     else
@@ -208,17 +208,21 @@ static REAL catching_up(const EnvelopeLimits *l, REAL p, REAL v, REAL goal, REAL
 
 static int can_stop(const EnvelopeLimits *l, REAL p, REAL v, REAL c) {
   REAL bottom = least(l->lower, p) - R(ROUNDING), top = most(l->upper, p) + R(ROUNDING);
-  Run run = stopping_run(v + c, c, l->a, l->j);
+  Run run = stopping_run(l, v + c, c);
   return p + v + c + run.high <= top && p + v + c + run.low >= bottom;
+}
+
+/* An acceleration, made less where the limit of the velocity, which is so far, would be passed. */
+static REAL kept_below(const EnvelopeLimits *l, REAL a, REAL room) {
+  REAL all = R(0.5) * l->j + a;
+  return PRODUCT(all, all) > PRODUCT(l->j, R(2.0) * room) ? least(a, held_back(room, l->j)) : a;
 }
 
 /* The next acceleration of a joint on its way to a goal, and whether the goal passes, by the exact tests. */
 static REAL limited(const EnvelopeLimits *l, const EnvelopeJoint *s, REAL goal, REAL goal_v, int near, int *passes) {
-  REAL p = s->p, v = s->v, a = s->a, direct = goal - p - v, stop = braked(v, a, l->a, l->j);
-  REAL low = most(a - l->j, -l->a), high = least(a + l->j, l->a), half = R(0.5) * l->j;
-  if (PRODUCT(half - low, half - low) > PRODUCT(l->j, R(2.0) * (l->v + v))) low = most(low, -held_back(l->v + v, l->j));
-  if (PRODUCT(half + high, half + high) > PRODUCT(l->j, R(2.0) * (l->v - v))) high = least(high, held_back(l->v - v, l->j));
-  low = least(low, stop), high = most(high, stop);
+  REAL p = s->p, v = s->v, a = s->a, direct = goal - p - v, stop = braked(l, v, a);
+  REAL low = most(a - l->j, -l->a), high = least(a + l->j, l->a);
+  low = least(-kept_below(l, -low, l->v + v), stop), high = most(kept_below(l, high, l->v - v), stop);
 
   *passes = (near || s->matched > R(0.0)) && low <= direct && direct <= high;
   REAL chosen = bounded(direct, low, high);
@@ -235,7 +239,7 @@ static REAL limited(const EnvelopeLimits *l, const EnvelopeJoint *s, REAL goal, 
 }
 
 /* Moves a joint to a position, which it returns. */
-SHARED REAL moved(EnvelopeJoint *s, REAL p, REAL v, REAL a, REAL goal, REAL goal_v, REAL matched) {
+static REAL moved(EnvelopeJoint *s, REAL p, REAL v, REAL a, REAL goal, REAL goal_v, REAL matched) {
   s->p = p, s->v = v, s->a = a, s->goal = goal, s->goal_v = goal_v, s->matched = matched;
   return p;
 }
@@ -274,7 +278,7 @@ void envelope_tick(int joints, const EnvelopeLimits *limits, EnvelopeJoint *stat
 void envelope_brake(int joints, const EnvelopeLimits *limits, EnvelopeJoint *states, REAL *safe) {
   for (int k = 0; k < joints; k++) {
     EnvelopeJoint *s = states + k;
-    REAL a = braked(s->v, s->a, limits[k].a, limits[k].j), v = s->v + a;
+    REAL a = braked(limits + k, s->v, s->a), v = s->v + a;
     safe[k] = moved(s, s->p + v, v, a, s->p + v, v, R(1.0));
   }
 }

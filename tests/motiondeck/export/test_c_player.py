@@ -155,7 +155,7 @@ def test_a_round_that_ends_a_hair_from_a_tick_ends_in_the_same_tick(late, fixed)
 
 @pytest.mark.thorough
 @EITHER
-@pytest.mark.parametrize(("tick", "tempo"), [(3000, 1.0), (12000, 2.0)])
+@pytest.mark.parametrize(("tick", "tempo"), [(3000, 1.0), (3000, -1.0), (12000, 2.0)])
 def test_after_minutes_a_round_still_ends_in_the_tick_of_the_deck(tick, tempo, fixed):
     """A round of 150 ticks came to end a tick later, since 32 bits had lost as much of each tick."""
     script = [(10, commands.SetTempo(factor=tempo)), (60, commands.Jump(phase=0.2)), (tick, commands.Queue(to="loop1"))]

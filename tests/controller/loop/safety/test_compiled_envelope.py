@@ -107,7 +107,7 @@ def test_both_do_the_same_in_a_million_random_targets(library):
         pytest.param("R(2.0) * lag", "R(1.0) * lag", marks=pytest.mark.thorough),
         pytest.param("-R(FARTHEST) < target && ", "", marks=pytest.mark.thorough),
         pytest.param("v, a, s->p + v, v, R(1.0)", "v, a, s->p, v, R(1.0)", marks=pytest.mark.thorough),
-        pytest.param("low = least(low, stop), ", "", marks=pytest.mark.thorough),
+        pytest.param("l->v + v), stop)", "l->v + v), low)", marks=pytest.mark.thorough),
         pytest.param("if (y_low >= R(0.0) || ", "if (", marks=pytest.mark.thorough),
         pytest.param("by <= R(CHANGED)", "by <= R(1e-3)", marks=pytest.mark.thorough),
     ],
