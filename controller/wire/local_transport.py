@@ -6,6 +6,7 @@ fills only its own buffer, and either side notices at once when the other is gon
 """
 
 import contextlib
+import errno
 import fcntl
 import os
 import random
@@ -225,12 +226,7 @@ def _free_number(folder: Path) -> int:
 
 
 def _answers(path: Path) -> bool:
-    with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as probe:
+    with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as probe, contextlib.suppress(OSError):
         probe.setblocking(False)
-        try:
-            probe.connect(str(path))
-        except BlockingIOError:  # more clients wait than it takes at once
-            return True
-        except OSError:
-            return False
-    return True
+        return probe.connect_ex(str(path)) in (0, errno.EAGAIN)  # EAGAIN: more clients wait than it takes at once
+    return False
