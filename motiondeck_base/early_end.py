@@ -17,11 +17,11 @@ def take_signals() -> None:
 
 
 def outside_imports(handle: Handler) -> Handler:
-    """A signal's handler that waits for the end of an import: what it raises there passes for a missing package."""
+    """A signal's handler that sends it again after an import, where what it raises passes for a missing package."""
 
     def handler(number: int, frame: FrameType | None) -> None:
         if any(one.f_code.co_filename == "<frozen importlib._bootstrap>" for one, _ in walk_stack(frame)):
-            signal.signal(signal.SIGALRM, lambda _, later: handler(number, later))
+            signal.signal(signal.SIGALRM, lambda *_: signal.raise_signal(number))  # which a run may take by then
             signal.setitimer(signal.ITIMER_REAL, 0.05)
         else:
             handle(number, frame)

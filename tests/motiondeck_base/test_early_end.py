@@ -34,3 +34,27 @@ def test_a_signal_within_an_import_is_not_lost_there(name, code, tmp_path):
     done = subprocess.run(program, capture_output=True, text=True, timeout=2 * PATIENCE)
     assert (done.stdout, done.returncode) == ("", code)
     assert done.stderr == ("" if name == "SIGINT" else f"motiondeck: ended by {name}\n")
+
+
+IN_A_RUN = """
+import signal, sys, time
+from controller.loop.stop_requests import stop_on_signals
+from motiondeck_base.early_end import take_signals
+take_signals()
+sys.path.insert(0, sys.argv[1])
+signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGALRM,))  # the wait ends once the run has begun
+import deaf
+with stop_on_signals() as stop:
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, (signal.SIGALRM,))
+    end = time.monotonic() + {seconds}
+    while not stop and time.monotonic() < end:
+        time.sleep(0.01)
+    print(stop.reason)
+"""
+
+
+def test_a_signal_within_the_last_import_before_a_run_stops_that_in_order(tmp_path):
+    (tmp_path / "deaf.py").write_text(DEAF.format(name="SIGTERM"))
+    program = [sys.executable, "-c", IN_A_RUN.format(seconds=PATIENCE), str(tmp_path)]
+    done = subprocess.run(program, capture_output=True, text=True, timeout=2 * PATIENCE)
+    assert (done.stdout, done.stderr, done.returncode) == ("stopped from outside (SIGTERM)\n", "", 0)

@@ -26,8 +26,10 @@ def child_process(
     """
     command = [sys.executable, "-P", "-m", module, *arguments]
     before = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT,))  # which the child inherits
-    child = subprocess.Popen(command, stdin=stdin, start_new_session=own_session)
-    signal.pthread_sigmask(signal.SIG_SETMASK, before)
+    try:
+        child = subprocess.Popen(command, stdin=stdin, start_new_session=own_session)
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
     try:
         yield child
     except BaseException:

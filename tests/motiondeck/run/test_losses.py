@@ -124,3 +124,10 @@ def test_an_interrupt_does_not_reach_a_child_that_is_just_starting():
     with child_process("timeit", "-n", "1", "pass", patience=PATIENCE) as child:
         child.send_signal(signal.SIGINT)
     assert child.returncode == 0
+
+
+def test_an_interrupt_is_still_heard_where_a_child_cannot_be_started(monkeypatch):
+    monkeypatch.setattr(sys, "executable", "/no/python")
+    with pytest.raises(FileNotFoundError), child_process("timeit"):
+        pass
+    assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, ())
