@@ -267,23 +267,23 @@ class Readings:
         self._cached[line, wide] = request
         return request
 
-    def _line(self, group: NDArray[np.int64]) -> tuple[int, ...]:
+    def _line(self, group: tuple[int, ...]) -> tuple[int, ...]:
         """The joints of a group to ask, in order."""
         # A silent servo may silence all behind it, so one that missed a reply comes last; one that missed several is
         # asked only at intervals, alone, because waiting for it makes all states older.
-        missed = self.measured.missed_in_a_row[group]
+        missed = self.measured.missed_in_a_row
         if not np.logical_or.reduce(missed):
-            return tuple(group.tolist())
-        good = group[missed == 0].tolist()
-        doubtful = group[(missed > 0) & (missed < _PATIENCE)].tolist()
-        lost = group[missed >= _PATIENCE].tolist()
+            return group
+        good = [index for index in group if missed[index] == 0]
+        doubtful = [index for index in group if 0 < missed[index] < _PATIENCE]
+        lost = [index for index in group if missed[index] >= _PATIENCE]
         # All at the same intervals; counted in requests to this line, so that none is skipped.
         number, rest = divmod(self._rounds, max(1, self._ask_again // (len(self._rotation) * max(1, len(lost)))))
         again = [lost[number % len(lost)]] if lost and (rest == 0 or not good + doubtful) else []
         return tuple(good + doubtful + again)
 
 
-def _rotation(servos: RigConfig, joints: Sequence[int]) -> list[NDArray[np.int64]]:
+def _rotation(servos: RigConfig, joints: tuple[int, ...]) -> list[tuple[int, ...]]:
     """The joints of each request, which repeat in this order."""
     tables = {index: servos.joints[index].table for index in joints}
     groups: dict[Family, list[int]] = {}
@@ -291,7 +291,5 @@ def _rotation(servos: RigConfig, joints: Sequence[int]) -> list[NDArray[np.int64
         if table.series.bulk_reads:
             groups.setdefault(table.family, []).append(index)
     largest, *others = sorted(groups.values(), key=len, reverse=True) or [[]]
-    if len(largest) == len(tables):
-        return [np.array(largest, dtype=np.int64)]
     alone = [[index] for index, table in tables.items() if not table.series.bulk_reads]
-    return [np.array(group) for other in [*others, *alone] for group in (largest, other) if group]
+    return [tuple(group) for other in [*others, *alone] for group in (largest, other) if group] or [joints]
