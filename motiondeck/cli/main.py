@@ -23,7 +23,7 @@ take_signals()
 for _library in ("OPENBLAS", "OMP", "MKL"):
     os.environ.setdefault(f"{_library}_NUM_THREADS", "1")
 
-warnings.filterwarnings("ignore", ".*(operate in serial mode|have been cancelled)")  # `jobs.spread` says so
+warnings.filterwarnings("ignore", ".*(operate in serial mode|have been cancelled)")  # `jobs.spread` says the first
 
 import typer  # noqa: E402
 import typer.core  # noqa: E402

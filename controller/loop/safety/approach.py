@@ -27,7 +27,7 @@ class Approach:
     @classmethod
     def within(cls, limits: JointLimits, start: Array, goal: Array, slowness: float = 4.0) -> Approach:
         """The approach that takes `slowness` times as long as the limits of velocity, acceleration and jerk demand."""
-        distance = np.maximum(np.abs(goal - start) - 1e-6, 0.0)  # what rounding leaves is no way
+        distance = np.maximum(np.abs(goal - start) - 1e-6, 0.0)  # so far apart is at the same place
         least = [_VELOCITY * distance / limits.velocity, np.sqrt(_ACCELERATION * distance / limits.acceleration)]
         shortest = np.max([*least, np.cbrt(_JERK * distance / limits.jerk)], initial=0.0)
         return cls(start.copy(), goal.copy(), slowness * float(shortest))

@@ -51,7 +51,7 @@ class RigGuard:
         self._rig, self._envelope, self._targets = rig, envelope, targets
         self._period, self._grid = period, now + period
         self._came_at, self._ticked_at, self._fresh, self._missed = now, now, False, MISSED
-        # By what part of a tick the grid moves in each; of a window of `_ticks` so far, the shortest wait of targets.
+        # The part of a period by which the grid moves in a tick; the shortest wait of targets in the last `_ticks`.
         self._shift, self._least_wait, self._ticks = 0.0, 1.0, 0
         self._latest = [rig.goals.copy() for _ in range(3)]  # the latest targets, the last first
         self._recoveries, self._collected = rig.recoveries, 0
