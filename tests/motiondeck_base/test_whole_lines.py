@@ -4,6 +4,7 @@ import io
 import os
 import subprocess
 import sys
+from select import PIPE_BUF
 
 import pytest
 
@@ -12,7 +13,7 @@ import subprocess, sys
 from motiondeck_base.whole_lines import print_whole_lines
 print_whole_lines()
 print("one", file=sys.stderr)
-print("two", "and more", file=sys.stdout)
+print("two" * 2000, "and more", file=sys.stdout)  # longer than a pipe takes at once
 subprocess.run([sys.executable, "-c", "import sys; print('three', file=sys.stderr)"])
 """
 
@@ -24,13 +25,17 @@ def written(command):
     program = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=start, stderr=start, env=environment)
     os.close(start)
     with io.FileIO(end) as writes:
-        words = [word.decode() for word in iter(lambda: writes.read(65536), b"")]  # until all processes have ended
-    assert program.wait(60.0) == 0, words
-    return words
+        parts = [*iter(lambda: writes.read(65536), b"")]  # until all processes have ended
+    assert program.wait(60.0) == 0, parts
+    words = [b""]
+    for part in parts:
+        words[-1] += part
+        words += [b""] * (len(part) < PIPE_BUF)  # the pipe itself divides what is longer
+    return [word.decode() for word in words if word]
 
 
 def test_a_program_and_its_child_write_whole_lines():
-    assert written([sys.executable, "-c", PARENT]) == ["one\n", "two and more\n", "three\n"]
+    assert written([sys.executable, "-c", PARENT]) == ["one\n", f"{'two' * 2000} and more\n", "three\n"]
 
 
 SCRIPT = "import motiondeck\nwith motiondeck.play(motion='walk', page=True, seconds=2.0) as deck:\n    deck.wait()"
