@@ -184,9 +184,9 @@ class Health:
 
     def take_out(self, joint: int, now: float) -> None:
         """Goes on without a joint on command."""
-        self.incidents.append(Incident(now, self._name(joint), "was switched off on command", fault=False))
-        self.off[joint] = self.lost[joint] = True
-        self.mend[joint] = False
+        name = self._names[np.argmax(self._joint_of == joint)]  # where two servos turn it, both are
+        self.incidents.append(Incident(now, name, "was switched off on command", fault=False))
+        self.off[joint], self.lost[joint], self.mend[joint] = True, True, False
 
     def take_back(self, joint: int, now: float) -> None:
         """Counts on a joint again; without torque it is then set up anew."""

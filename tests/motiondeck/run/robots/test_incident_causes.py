@@ -212,6 +212,18 @@ def test_servos_cut_off_for_a_moment_are_told_as_such_and_not_as_their_port():
     assert "was silent" not in str(run.faults)
 
 
+def pairs():
+    """A rig in which two servos each turn three joints."""
+    config = load_rig(find_rig("servo20"))
+    joints = [
+        msgspec.structs.replace(one, second=SecondServo(one.id + 20, -one.direction, one.zero))
+        if one.id in (1, 13, 18)
+        else one
+        for one in config.joints
+    ]
+    return msgspec.structs.replace(config, joints=tuple(joints))
+
+
 @pytest.mark.parametrize(
     ("dead", "told"),
     [
@@ -226,19 +238,21 @@ def test_servos_cut_off_for_a_moment_are_told_as_such_and_not_as_their_port():
     ],
 )
 def test_servos_are_counted_and_not_joints_where_two_turn_one(dead, told):
-    config = load_rig(find_rig("servo20"))
-    joints = [
-        msgspec.structs.replace(one, second=SecondServo(one.id + 20, -one.direction, one.zero))
-        if one.id in (1, 13, 18)
-        else one
-        for one in config.joints
-    ]
-    run = Played(msgspec.structs.replace(config, joints=tuple(joints)))
+    run = Played(pairs())
     for number in dead:
         run.line.bus[number].dead = True
     run.play(1.2)
     count = f"{len(dead)} of 23 servos of /dev/ttyUSB0 stopped answering."
     assert [text.removeprefix("rig: ") for text in run.faults[-1:]] == [told.format(count)]
+
+
+def test_a_joint_of_two_servos_is_switched_off_by_its_own_name_also_when_one_is_silent():
+    run = Played(msgspec.structs.replace(pairs(), on_loss="go on"))
+    run.line.bus[38].dead = True
+    run.play(1.0)
+    rig = run.output.rig
+    rig.switch_off(rig.names.index("l_knee"))
+    assert rig.incidents[-1].source == "l_knee (id 18)"
 
 
 def test_a_port_is_silent_when_all_servos_are_that_were_not_lost_before():
