@@ -1,8 +1,9 @@
-"""Signals that ask a program to end before a run has begun, which then takes signals itself."""
+"""Signals that ask a program to end: before a run, which then takes them itself, and while it starts others."""
 
 import signal
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from traceback import walk_stack
 from types import FrameType
 
@@ -27,6 +28,16 @@ def outside_imports(handle: Handler) -> Handler:
             handle(number, frame)
 
     return handler
+
+
+@contextmanager
+def without_interrupts() -> Iterator[None]:
+    """Blocks Ctrl-C in the block, for good in processes that are started there."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT,))
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _end(number: int, frame: FrameType | None) -> None:

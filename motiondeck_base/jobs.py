@@ -11,7 +11,6 @@ that has killed several processes, and keeps large arguments on one worker only,
 import itertools
 import os
 import re
-import signal
 import sys
 import threading
 import time
@@ -25,6 +24,7 @@ from typing import Any, Self
 from joblib import Parallel, delayed
 from threadpoolctl import threadpool_limits
 
+from motiondeck_base.early_end import without_interrupts
 from motiondeck_base.errors import MotiondeckError
 
 Task = tuple[Callable[..., Any], tuple[Any, ...], Mapping[str, Any]]
@@ -67,12 +67,9 @@ def spread(tasks: Iterable[Task], jobs: Jobs) -> Iterator[Any]:
             print("motiondeck: one core computes, as /dev/shm is not writable. Mount a tmpfs there", file=sys.stderr)
         watched = (delayed(_watched)(os.getpid(), task) for task in tasks)
         if several:
-            resource_tracker.ensure_running()  # which undoes the next line where it starts later
-        before = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT,) * several)  # the processes inherit it
-        try:
+            resource_tracker.ensure_running()  # which lets interrupts in again where it starts later
+        with without_interrupts():  # which the processes inherit; with one, none is started
             results = Parallel(jobs.processes, return_as="generator")(watched)
-        finally:
-            signal.pthread_sigmask(signal.SIG_SETMASK, before)
         yield from results
     else:
         early: dict[int, Any] = {}

@@ -1,7 +1,6 @@
 """Processes of this program that a run starts and that end with it; they never import from the working directory."""
 
 import contextlib
-import signal
 import socket
 import subprocess
 import sys
@@ -13,6 +12,7 @@ from pathlib import Path
 
 from controller.wire.local_transport import refuse_second_deck
 from controller.wire.run_folder import run_folder
+from motiondeck_base.early_end import without_interrupts
 from motiondeck_base.errors import MotiondeckError
 
 
@@ -25,11 +25,8 @@ def child_process(
     Ctrl-C, which is for the deck, does not reach it, nor with its own session a hangup; `stdin` is an open file.
     """
     command = [sys.executable, "-P", "-m", module, *arguments]
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT,))  # which the child inherits
-    try:
+    with without_interrupts():
         child = subprocess.Popen(command, stdin=stdin, start_new_session=own_session)
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
     try:
         yield child
     except BaseException:
