@@ -48,8 +48,9 @@ from controller.loop.histogram import DurationHistogram  # noqa: E402
 from controller.loop.loop import undisturbed  # noqa: E402
 from controller.loop.permissions import handed_back, request_core, request_realtime  # noqa: E402
 from controller.wire.messages.commands import Switch  # noqa: E402
-from motiondeck.run.assembly import Host, Played, open_session  # noqa: E402
+from motiondeck.run.assembly import open_session  # noqa: E402
 from motiondeck.run.robots.robot_on_deck import open_robots  # noqa: E402
+from motiondeck.run.session import Host, Played  # noqa: E402
 from motiondeck.run.spec.program import Timed  # noqa: E402
 from motiondeck.run.spec.run_spec import RunSpec  # noqa: E402
 from motiondeck_base.shipped import find_library, find_rig  # noqa: E402

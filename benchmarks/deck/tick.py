@@ -45,8 +45,9 @@ from controller.deck.deck import Deck  # noqa: E402
 from controller.library.motion_library import MotionLibrary, load_library  # noqa: E402
 from controller.loop.clock import SPIN_NS, Ticker  # noqa: E402
 from controller.motion.rotations import Array  # noqa: E402
-from motiondeck.run.assembly import Host, Played, open_session  # noqa: E402
+from motiondeck.run.assembly import open_session  # noqa: E402
 from motiondeck.run.robots.robot_on_deck import open_robots  # noqa: E402
+from motiondeck.run.session import Host, Played  # noqa: E402
 from motiondeck.run.spec.run_spec import RunSpec  # noqa: E402
 from motiondeck_base.errors import MotiondeckError  # noqa: E402
 from motiondeck_base.shipped import find_library  # noqa: E402

@@ -111,9 +111,9 @@ def _check_for_film(spec: RunSpec) -> None:
 
 def _play_live(spec: RunSpec, program: Program, page: PageProcess | None, *, quiet: bool, as_json: bool) -> Session:
     """Plays until the run has ended; the session, which knows how it goes on."""
-    from motiondeck.run.assembly import Host
     from motiondeck.run.library_run import library_run
     from motiondeck.run.report import summary
+    from motiondeck.run.session import Host
 
     terminal = not quiet and sys.stdin.isatty() and sys.stdout.isatty()
     host = Host(page, terminal=terminal, progress=not as_json, restarts=not quiet)

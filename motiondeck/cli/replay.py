@@ -34,10 +34,11 @@ def replay(
     from controller.library.motion_library import load_library
     from controller.motion.formats.run_recordings import clip_of_run
     from controller.wire.run_recording import load_recording
-    from motiondeck.run.assembly import Host, Played, open_session
+    from motiondeck.run.assembly import open_session
     from motiondeck.run.report import summary
     from motiondeck.run.robots.rig_on_deck import robot_of
     from motiondeck.run.robots.robot_on_deck import open_robots
+    from motiondeck.run.session import Host, Played
     from motiondeck_base.shipped import find_library
     from sim.robots.catalogue import find_robot
 

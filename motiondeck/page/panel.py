@@ -189,8 +189,8 @@ class Panel:
     def show_line(self, line: StateLine) -> None:
         """Shows a line over what the deck said last."""
         now = self._state
-        more = {"tempo": round(now.commanded_tempo, 2), "layers": self._layers}
-        self._line.content = self._operate.show(line, deck_buttons(now), deck_cues(now), **more)
+        buttons, cues, tempo = deck_buttons(now), deck_cues(now), round(now.commanded_tempo, 2)
+        self._line.content = self._operate.show(line, buttons, cues, tempo=tempo, layers=self._layers)
 
     def show_event(self, event: Event) -> None:
         """Shows an event that nothing else on the page shows."""

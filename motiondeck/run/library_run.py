@@ -10,10 +10,10 @@ from controller.deck.interfaces import Retargeter
 from controller.library.motion_library import MotionLibrary
 from controller.loop.commands.interfaces import PlayableDeck
 from controller.motion.clip import Clip
-from motiondeck.run.assembly import ALONE, Host, Played, open_session
+from motiondeck.run.assembly import open_session
 from motiondeck.run.baked_libraries import find_baked
 from motiondeck.run.robots.robot_on_deck import open_robots, robot_files, with_robot
-from motiondeck.run.session import Session
+from motiondeck.run.session import ALONE, Host, Played, Session
 from motiondeck.run.spec.program import Program, checked_rate
 from motiondeck.run.spec.run_spec import RunSpec
 from motiondeck.run.verdicts import Judged

@@ -19,10 +19,10 @@ from controller.wire.telemetry import StateReader
 from motiondeck.cli.main import command_line
 from motiondeck.page.network.network_view import InnerLife
 from motiondeck.page.web.page_state import PageDescription
-from motiondeck.run.assembly import Host
 from motiondeck.run.baked_libraries import baked_file, find_baked
 from motiondeck.run.baking import bake
 from motiondeck.run.library_run import library_run
+from motiondeck.run.session import Host
 from motiondeck.run.spec.program import Program
 from motiondeck.run.spec.run_spec import RunSpec
 from motiondeck_base.errors import FileFormatError, MotiondeckError

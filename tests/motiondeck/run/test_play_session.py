@@ -16,8 +16,9 @@ from controller.motion.skeleton import Pose
 from controller.wire.command_socket import CommandClient
 from controller.wire.messages.commands import EmergencyStop, ServoTorque, Subscribe
 from controller.wire.messages.replies import Accepted, Event
-from motiondeck.run.assembly import Host, Played, open_session
+from motiondeck.run.assembly import open_session
 from motiondeck.run.robots.robot_on_deck import open_robots
+from motiondeck.run.session import Host, Played
 from motiondeck.run.spec.run_spec import RunSpec
 from motiondeck_base.shipped import find_rig
 from shipped_libraries import shipped

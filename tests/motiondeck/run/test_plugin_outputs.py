@@ -10,9 +10,10 @@ from benchmarks.simulated_time import VirtualClock
 from controller.deck.deck import Deck
 from controller.loop.output_channel import FAULTS_TO_PARK
 from controller.motion.skeleton import Pose
-from motiondeck.run.assembly import Host, Played, open_session
+from motiondeck.run.assembly import open_session
 from motiondeck.run.plugin_outputs import PluggedOutput, open_outputs
 from motiondeck.run.robots.robot_on_deck import open_robots
+from motiondeck.run.session import Host, Played
 from motiondeck.run.spec.run_spec import RunSpec
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
 

@@ -5,9 +5,10 @@ import pytest
 from benchmarks.simulated_time import VirtualClock
 from command_line import motiondeck
 from controller.deck.deck import Deck
-from motiondeck.run.assembly import Host, Played, open_session
+from motiondeck.run.assembly import open_session
 from motiondeck.run.report import summary
 from motiondeck.run.robots.robot_on_deck import open_robots
+from motiondeck.run.session import Host, Played
 from motiondeck.run.spec.run_spec import RunSpec
 from shipped_libraries import shipped
 

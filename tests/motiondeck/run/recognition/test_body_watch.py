@@ -13,10 +13,11 @@ from controller.learning.recognition.features import FeatureRecipe
 from controller.learning.recognition.recognizer import load_recognizer, save_recognizer, train_recognizer
 from controller.loop.commands.command_handler import CommandHandler
 from controller.wire.messages.commands import SetTempo, Switch
-from motiondeck.run.assembly import Host, Played, open_session
+from motiondeck.run.assembly import open_session
 from motiondeck.run.recognition.watches import BodyWatch
 from motiondeck.run.report import summary
 from motiondeck.run.robots.robot_on_deck import open_robots
+from motiondeck.run.session import Host, Played
 from motiondeck.run.spec.program import Timed
 from motiondeck.run.spec.run_spec import RunSpec
 from motiondeck_base.errors import MotiondeckError
